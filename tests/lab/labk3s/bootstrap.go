@@ -125,9 +125,7 @@ func seal(plain []byte, secret string) ([]byte, error) {
 	if err != nil {
 		return nil, err
 	}
-	nonce := make([]byte, aead.NonceSize())
-	rand.Read(nonce)
-	return aead.Seal(append(salt, nonce...), nonce, plain, nil), nil
+	return aead.Seal(salt, nil, plain, nil), nil
 }
 
 func unseal(sealed []byte, secret string) ([]byte, error) {
@@ -138,11 +136,7 @@ func unseal(sealed []byte, secret string) ([]byte, error) {
 	if err != nil {
 		return nil, err
 	}
-	rest := sealed[saltLen:]
-	if len(rest) < aead.NonceSize() {
-		return nil, errors.New("too short")
-	}
-	return aead.Open(nil, rest[:aead.NonceSize()], rest[aead.NonceSize():], nil)
+	return aead.Open(nil, nil, sealed[saltLen:], nil)
 }
 
 func cipherFor(secret string, salt []byte) (cipher.AEAD, error) {
@@ -154,5 +148,5 @@ func cipherFor(secret string, salt []byte) (cipher.AEAD, error) {
 	if err != nil {
 		return nil, err
 	}
-	return cipher.NewGCM(block)
+	return cipher.NewGCMWithRandomNonce(block)
 }

@@ -3,8 +3,6 @@ package main
 import (
 	"bytes"
 	"crypto"
-	"crypto/ecdsa"
-	"crypto/elliptic"
 	"crypto/rand"
 	"crypto/x509"
 	"crypto/x509/pkix"
@@ -16,6 +14,10 @@ import (
 	"slices"
 	"sort"
 	"time"
+
+	certutil "k8s.io/client-go/util/cert"
+	"k8s.io/client-go/util/keyutil"
+	netutils "k8s.io/utils/net"
 )
 
 const (
@@ -187,32 +189,22 @@ func sans(c *x509.Certificate) []string {
 }
 
 func newKey(path string) (crypto.Signer, error) {
-	key, err := ecdsa.GenerateKey(elliptic.P256(), rand.Reader)
+	content, err := keyutil.MakeEllipticPrivateKeyPEM()
 	if err != nil {
 		return nil, err
 	}
-	der, err := x509.MarshalECPrivateKey(key)
-	if err != nil {
+	if _, err := writeFile(path, content, 0o600); err != nil {
 		return nil, err
 	}
-	_, err = writeFile(path, pem.EncodeToMemory(&pem.Block{Type: "EC PRIVATE KEY", Bytes: der}), 0o600)
-	return key, err
+	return loadKey(path)
 }
 
 func loadKey(path string) (crypto.Signer, error) {
-	content, err := os.ReadFile(path)
+	key, err := keyutil.PrivateKeyFromFile(path)
 	if err != nil {
 		return nil, err
 	}
-	block, _ := pem.Decode(content)
-	if block == nil {
-		return nil, fmt.Errorf("%s: no key in it", path)
-	}
-	key, err := x509.ParseECPrivateKey(block.Bytes)
-	if err != nil {
-		return nil, fmt.Errorf("%s: %w", path, err)
-	}
-	return key, nil
+	return key.(crypto.Signer), nil
 }
 
 // newCSR keeps the key at base+".key" on this host; only the request leaves it.
@@ -223,11 +215,7 @@ func newCSR(base string) ([]byte, error) {
 			return nil, err
 		}
 	}
-	der, err := x509.CreateCertificateRequest(rand.Reader, &x509.CertificateRequest{}, key)
-	if err != nil {
-		return nil, err
-	}
-	return pem.EncodeToMemory(&pem.Block{Type: "CERTIFICATE REQUEST", Bytes: der}), nil
+	return certutil.MakeCSR(key, &pkix.Name{}, nil, nil)
 }
 
 func parseCSR(content []byte) (crypto.PublicKey, error) {
@@ -243,11 +231,11 @@ func parseCSR(content []byte) (crypto.PublicKey, error) {
 }
 
 func parseCert(content []byte) (*x509.Certificate, error) {
-	block, _ := pem.Decode(content)
-	if block == nil {
-		return nil, fmt.Errorf("no certificate in it")
+	certs, err := certutil.ParseCertsPEM(content)
+	if err != nil {
+		return nil, err
 	}
-	return x509.ParseCertificate(block.Bytes)
+	return certs[0], nil
 }
 
 func certPEM(der []byte) []byte {
@@ -272,9 +260,13 @@ func serverLeaves(c *config, cas map[string]*authority) error {
 	if err != nil {
 		return err
 	}
+	api, err := netutils.GetIndexedIP(services, 1)
+	if err != nil {
+		return err
+	}
 	apiNames := append([]string{
 		"kubernetes", "kubernetes.default", "kubernetes.default.svc", "kubernetes.default.svc." + c.clusterDomain,
-		"localhost", "127.0.0.1", "::1", apiserverIP, addressAt(services, 1), c.nodeName, hostname, c.nodeIP, c.advertise,
+		"localhost", "127.0.0.1", "::1", apiserverIP, api.String(), c.nodeName, hostname, c.nodeIP, c.advertise,
 	}, c.tlsSANs...)
 	etcdNames := []string{"localhost", "127.0.0.1", "::1", hostname, c.nodeIP}
 	for _, wanted := range []struct {

@@ -12,6 +12,8 @@ import (
 	"strings"
 
 	"go.yaml.in/yaml/v3"
+	utilnet "k8s.io/apimachinery/pkg/util/net"
+	netutils "k8s.io/utils/net"
 )
 
 // values holds what was given for each option, in order.
@@ -41,7 +43,6 @@ type config struct {
 	clusterDomain  string
 	kubeconfig     string
 	kubeconfigMode os.FileMode
-	disable        map[string]bool
 	noKubeProxy    bool
 	storagePath    string
 	snapshotDir    string
@@ -50,7 +51,6 @@ type config struct {
 	resolvConf     string
 	pauseImage     string
 	snapshotter    string
-	registries     string
 	lbPort         string
 	verbosity      string
 
@@ -139,10 +139,8 @@ func parseEnv(on int, environ []string) (values, error) {
 		}
 		o := byEnv[name]
 		switch {
-		case lackingEnv[name]:
-			return nil, fmt.Errorf("labk3s lacks k3s's environment variable %s", name)
 		case o == nil:
-			return nil, fmt.Errorf("environment variable %s is not one of k3s's", name)
+			return nil, fmt.Errorf("labk3s has no environment variable %s", name)
 		case o.on&on == 0:
 			continue // one environment file may serve both commands
 		}
@@ -254,11 +252,9 @@ func lookup(command string, on int, name, where string) (*option, error) {
 	}
 	switch {
 	case o == nil:
-		return nil, fmt.Errorf("%s is not an option of k3s", where)
+		return nil, fmt.Errorf("%s is not an option that labk3s has", where)
 	case o.on&on == 0:
 		return nil, fmt.Errorf("%s is not an option of `k3s %s`", where, command)
-	case o.lacking:
-		return nil, fmt.Errorf("%s is an option of k3s that labk3s lacks", where)
 	}
 	return o, nil
 }
@@ -326,14 +322,12 @@ func buildConfig(server bool, v values) (*config, error) {
 		nodePorts:      v.text("service-node-port-range", "30000-32767"),
 		clusterDomain:  v.text("cluster-domain", "cluster.local"),
 		kubeconfig:     v.text("write-kubeconfig", filepath.Join(etcDir, "k3s.yaml")),
-		disable:        map[string]bool{},
 		noKubeProxy:    v.flag("disable-kube-proxy"),
 		snapshotName:   v.text("etcd-snapshot-name", "on-demand"),
 		protectKernel:  v.flag("protect-kernel-defaults"),
 		resolvConf:     v.text("resolv-conf", ""),
 		pauseImage:     v.text("pause-image", "rancher/mirrored-pause:3.6"),
 		snapshotter:    v.text("snapshotter", "overlayfs"),
-		registries:     v.text("private-registry", filepath.Join(etcDir, "registries.yaml")),
 		lbPort:         v.text("lb-server-port", "6444"),
 		verbosity:      v.text("v", ""),
 		kubeletArgs:    v["kubelet-arg"],
@@ -344,9 +338,6 @@ func buildConfig(server bool, v values) (*config, error) {
 	}
 	c.storagePath = v.text("default-local-storage-path", filepath.Join(string(c.dataDir), "storage"))
 	c.snapshotDir = v.text("etcd-snapshot-dir", c.dataDir.server("db", "snapshots"))
-	for _, name := range v["disable"] {
-		c.disable[name] = true
-	}
 	for _, set := range []func() error{
 		func() (err error) { c.nodeIP, err = v.one("node-ip", ""); return },
 		func() (err error) { c.clusterCIDR, err = v.one("cluster-cidr", "10.42.0.0/16"); return },
@@ -374,11 +365,11 @@ func (c *config) check() error {
 		c.nodeName = strings.ToLower(name)
 	}
 	if c.nodeIP == "" {
-		ip, err := defaultIP()
+		ip, err := utilnet.ChooseHostInterface() // as k3s does
 		if err != nil {
-			return err
+			return fmt.Errorf("no address found for this node; give node-ip: %w", err)
 		}
-		c.nodeIP = ip
+		c.nodeIP = ip.String()
 	}
 	if net.ParseIP(c.nodeIP) == nil {
 		return fmt.Errorf("node-ip: %q is not an address", c.nodeIP)
@@ -394,7 +385,11 @@ func (c *config) check() error {
 		return fmt.Errorf("cluster-cidr: %w", err)
 	}
 	if c.clusterDNS == "" {
-		c.clusterDNS = addressAt(services, 10)
+		ip, err := netutils.GetIndexedIP(services, 10)
+		if err != nil {
+			return fmt.Errorf("service-cidr: %w", err)
+		}
+		c.clusterDNS = ip.String()
 	}
 	if !c.server && c.serverURL == "" {
 		return errors.New("--server is required")

@@ -2,10 +2,7 @@ package main
 
 import (
 	"context"
-	"crypto/tls"
-	"crypto/x509"
 	"fmt"
-	"net/http"
 	"os"
 	"strings"
 	"time"
@@ -113,7 +110,7 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 	if err := procs.component("kube-apiserver", args); err != nil {
 		return err
 	}
-	if err := waitReady(ctx, c); err != nil {
+	if err := waitReady(ctx, kube); err != nil {
 		return err
 	}
 	ready()
@@ -133,29 +130,11 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 }
 
 // waitReady asks the API server itself, past the supervisor.
-func waitReady(ctx context.Context, c *config) error {
-	tlsDir := c.dataDir.tls
-	content, err := os.ReadFile(tlsDir("server-ca.crt"))
-	if err != nil {
-		return err
-	}
-	roots := x509.NewCertPool()
-	roots.AppendCertsFromPEM(content)
-	cert, err := tls.LoadX509KeyPair(tlsDir("client-admin.crt"), tlsDir("client-admin.key"))
-	if err != nil {
-		return err
-	}
-	client := &http.Client{Timeout: 5 * time.Second, Transport: &http.Transport{
-		TLSClientConfig: &tls.Config{RootCAs: roots, Certificates: []tls.Certificate{cert}},
-	}}
-	defer client.CloseIdleConnections()
+func waitReady(ctx context.Context, kube kubernetes.Interface) error {
 	return poll(ctx, 100*time.Millisecond, 0, func() (bool, error) {
-		response, err := client.Get(apiserverURL + "/readyz")
-		if err != nil {
-			return false, err
-		}
-		defer response.Body.Close()
-		return response.StatusCode == http.StatusOK, nil
+		request := kube.Discovery().RESTClient().Get().AbsPath("/readyz").Timeout(5 * time.Second)
+		_, err := request.MaxRetries(0).DoRaw(ctx) // its own retries come once a second
+		return err == nil, nil
 	})
 }
 

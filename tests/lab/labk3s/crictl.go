@@ -1,9 +1,7 @@
 package main
 
 import (
-	"bytes"
 	"context"
-	"encoding/json"
 	"fmt"
 	"os"
 	"os/exec"
@@ -72,12 +70,6 @@ func printJSON(message proto.Message) error {
 	if err != nil {
 		return err
 	}
-	// protojson varies its spaces on purpose.
-	var out bytes.Buffer
-	if err := json.Indent(&out, content, "", "  "); err != nil {
-		return err
-	}
-	out.WriteByte('\n')
-	_, err = out.WriteTo(os.Stdout)
+	_, err = fmt.Println(string(content))
 	return err
 }

@@ -8,6 +8,7 @@ import (
 	"os"
 	"os/exec"
 	"path/filepath"
+	"slices"
 	"strings"
 	"time"
 )
@@ -27,7 +28,7 @@ type imageImporter struct {
 // images, not the node.
 func (i *imageImporter) start(ctx context.Context) {
 	i.seen = listImages(i.dir)
-	for _, name := range sortedKeys(i.seen) {
+	for _, name := range slices.Sorted(maps.Keys(i.seen)) {
 		importImage(ctx, filepath.Join(i.dir, name))
 	}
 }

@@ -13,31 +13,18 @@ import (
 // writeKubeconfig makes a kubeconfig for a certificate at base+".crt". With
 // embed its contents are in it, as in k3s.yaml; else it names the files.
 func writeKubeconfig(path, server, caFile, base string, embed bool, mode os.FileMode) error {
-	cluster := &clientcmdapi.Cluster{Server: server}
-	user := &clientcmdapi.AuthInfo{}
-	if embed {
-		for target, file := range map[*[]byte]string{
-			&cluster.CertificateAuthorityData: caFile,
-			&user.ClientCertificateData:       base + ".crt",
-			&user.ClientKeyData:               base + ".key",
-		} {
-			content, err := os.ReadFile(file)
-			if err != nil {
-				return err
-			}
-			*target = content
-		}
-	} else {
-		cluster.CertificateAuthority = caFile
-		user.ClientCertificate = base + ".crt"
-		user.ClientKey = base + ".key"
-	}
-	content, err := clientcmd.Write(clientcmdapi.Config{
-		Clusters:       map[string]*clientcmdapi.Cluster{"default": cluster},
-		AuthInfos:      map[string]*clientcmdapi.AuthInfo{"default": user},
+	config := clientcmdapi.Config{
+		Clusters:       map[string]*clientcmdapi.Cluster{"default": {Server: server, CertificateAuthority: caFile}},
+		AuthInfos:      map[string]*clientcmdapi.AuthInfo{"default": {ClientCertificate: base + ".crt", ClientKey: base + ".key"}},
 		Contexts:       map[string]*clientcmdapi.Context{"default": {Cluster: "default", AuthInfo: "default"}},
 		CurrentContext: "default",
-	})
+	}
+	if embed {
+		if err := clientcmdapi.FlattenConfig(&config); err != nil {
+			return err
+		}
+	}
+	content, err := clientcmd.Write(config)
 	if err != nil {
 		return err
 	}

@@ -50,7 +50,7 @@ func (lb *loadBalancer) update(servers []string) {
 	lb.mu.Lock()
 	defer lb.mu.Unlock()
 	next := withFirst(servers, lb.first)
-	if slices.Equal(sorted(next), sorted(lb.servers)) {
+	if slices.Equal(slices.Sorted(slices.Values(next)), slices.Sorted(slices.Values(lb.servers))) {
 		return
 	}
 	logf("info", "Updated load balancer server addresses -> %v", next)
@@ -62,12 +62,6 @@ func (lb *loadBalancer) update(servers []string) {
 	if err != nil {
 		logf("warning", "saving the load balancer's servers: %v", err)
 	}
-}
-
-func sorted(all []string) []string {
-	all = slices.Clone(all)
-	slices.Sort(all)
-	return all
 }
 
 func (lb *loadBalancer) serve(ctx context.Context, address string) error {

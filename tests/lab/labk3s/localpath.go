@@ -34,9 +34,6 @@ const (
 // node. Several servers may do so at once: the volume's name follows from the
 // claim, so they agree.
 func runProvisioner(ctx context.Context, c *config, kube kubernetes.Interface) {
-	if c.disable["local-storage"] {
-		return
-	}
 	factory := informers.NewSharedInformerFactory(kube, 0)
 	claims, classes := factory.Core().V1().PersistentVolumeClaims(), factory.Storage().V1().StorageClasses()
 	synced := []cache.InformerSynced{claims.Informer().HasSynced, classes.Informer().HasSynced}

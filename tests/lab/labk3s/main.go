@@ -101,11 +101,9 @@ func run(args []string) error {
 		return crictlCommand(rest)
 	case "etcd-snapshot":
 		return snapshotCommand(rest)
-	case "certificate", "check-config", "completion", "secrets-encrypt", "token":
-		return fmt.Errorf("labk3s lacks k3s's command %q", command)
 	}
 	if component, ok := components[command]; ok {
 		return component(rest)
 	}
-	return fmt.Errorf("unknown command %q", command)
+	return fmt.Errorf("labk3s has no command %q", command)
 }

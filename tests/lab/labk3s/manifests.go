@@ -15,7 +15,6 @@ import (
 	"strings"
 	"time"
 
-	apierrors "k8s.io/apimachinery/pkg/api/errors"
 	"k8s.io/apimachinery/pkg/api/meta"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
 	"k8s.io/apimachinery/pkg/apis/meta/v1/unstructured"
@@ -50,7 +49,7 @@ func newDeployer(c *config, kube kubernetes.Interface, client dynamic.Interface)
 }
 
 func (d *deployer) run(ctx context.Context) {
-	if err := d.writePackaged(ctx); err != nil {
+	if err := d.writePackaged(); err != nil {
 		logf("error", "writing the packaged manifests: %v", err)
 	}
 	_ = poll(ctx, time.Second, 0, func() (bool, error) {
@@ -75,9 +74,8 @@ func packagedManifest(c *config, name string) ([]byte, error) {
 	return content, nil
 }
 
-// writePackaged puts our own manifests where k3s puts its own. A disabled one
-// is deleted from the cluster together with its file.
-func (d *deployer) writePackaged(ctx context.Context) error {
+// writePackaged puts our own manifests where k3s puts its own.
+func (d *deployer) writePackaged() error {
 	entries, err := packaged.ReadDir("manifests")
 	if err != nil {
 		return err
@@ -87,20 +85,7 @@ func (d *deployer) writePackaged(ctx context.Context) error {
 		if err != nil {
 			return err
 		}
-		path := filepath.Join(d.dir, entry.Name())
-		if !d.config.disable[strings.TrimSuffix(entry.Name(), ".yaml")] {
-			if _, err := writeFile(path, content, 0o600); err != nil {
-				return err
-			}
-			continue
-		}
-		if !exists(path) {
-			continue
-		}
-		if err := d.deleteAll(ctx, content); err != nil {
-			return err
-		}
-		if err := os.Remove(path); err != nil {
+		if _, err := writeFile(filepath.Join(d.dir, entry.Name()), content, 0o600); err != nil {
 			return err
 		}
 	}
@@ -118,7 +103,7 @@ func (d *deployer) files() []string {
 		name := entry.Name()
 		switch filepath.Ext(name) {
 		case ".yaml", ".yml", ".json":
-			if !strings.HasPrefix(name, ".") && !exists(path+".skip") && !d.config.disable[strings.TrimSuffix(name, filepath.Ext(name))] {
+			if !strings.HasPrefix(name, ".") && !exists(path+".skip") {
 				files = append(files, path)
 			}
 		}
@@ -166,25 +151,6 @@ func (d *deployer) applyAll(ctx context.Context, content []byte) error {
 		}
 	}
 	return errors.Join(failed...)
-}
-
-func (d *deployer) deleteAll(ctx context.Context, content []byte) error {
-	objects, err := decodeObjects(content)
-	if err != nil {
-		return err
-	}
-	for _, object := range objects {
-		resource, err := d.resource(object)
-		if err != nil {
-			return err
-		}
-		background := metav1.DeletePropagationBackground
-		err = resource.Delete(ctx, object.GetName(), metav1.DeleteOptions{PropagationPolicy: &background})
-		if err != nil && !apierrors.IsNotFound(err) {
-			return err
-		}
-	}
-	return nil
 }
 
 func (d *deployer) resource(object *unstructured.Unstructured) (dynamic.ResourceInterface, error) {

@@ -6,7 +6,6 @@ import (
 	"os"
 	"path/filepath"
 	"slices"
-	"strings"
 	"testing"
 
 	corev1 "k8s.io/api/core/v1"
@@ -87,49 +86,6 @@ func TestCNIConfig(t *testing.T) {
 	}
 	if _, err := cniConfig("", 1500); err == nil {
 		t.Error("a node without a pod network got one")
-	}
-}
-
-func TestRegistries(t *testing.T) {
-	path := filepath.Join(t.TempDir(), "registries.yaml")
-	write := func(content string) {
-		if err := os.WriteFile(path, []byte(content), 0o600); err != nil {
-			t.Fatal(err)
-		}
-	}
-	write(`
-mirrors:
-  docker.io:
-    endpoint: ["http://192.0.2.9:5000"]
-configs:
-  "192.0.2.9:5000":
-    auth: {username: u, password: p}
-    tls: {insecure_skip_verify: true}
-`)
-	r, err := loadRegistries(path)
-	if err != nil {
-		t.Fatal(err)
-	}
-	hosts, err := r.hosts("docker.io")
-	if err != nil {
-		t.Fatal(err)
-	}
-	for _, want := range []string{`server = "https://registry-1.docker.io"`, `[host."http://192.0.2.9:5000"]`, "skip_verify = true"} {
-		if !strings.Contains(hosts, want) {
-			t.Errorf("hosts.toml lacks %s:\n%s", want, hosts)
-		}
-	}
-	if got := containerdConfig(&config{dataDir: "/d"}, "/h", r); !strings.Contains(got, `username = "u"`) {
-		t.Errorf("config.toml lacks the user:\n%s", got)
-	}
-	for content, want := range map[string]string{
-		"mirrors: {a: {rewrite: {x: y}}}": "lacks rewrite",
-		"mirror: {}":                      "unknown field",
-	} {
-		write(content)
-		if _, err := loadRegistries(path); err == nil || !strings.Contains(err.Error(), want) {
-			t.Errorf("%s: got %v, want %q", content, err, want)
-		}
 	}
 }
 

@@ -64,7 +64,7 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 					err = markServer(ctx, c, node, kube)
 				}
 			}
-			if err == nil && !c.disable["coredns"] {
+			if err == nil {
 				err = nameNodes(ctx, all, kube)
 			}
 		}

@@ -17,6 +17,7 @@ const (
 )
 
 // option is one flag of k3s, which is at the same time a key of config.yaml.
+// Those that are not listed here are refused.
 type option struct {
 	name  string
 	short string
@@ -26,8 +27,6 @@ type option struct {
 	comma bool // k3s also splits this one's values at commas
 	// only lists the values that labk3s can serve; empty means any.
 	only []string
-	// lacking options are known to k3s and refused here.
-	lacking bool
 }
 
 var options = buildOptions()
@@ -48,7 +47,6 @@ func buildOptions() map[string]*option {
 		{name: "kubelet-arg", kind: list, on: onBoth},
 		{name: "kube-proxy-arg", kind: list, on: onBoth},
 		{name: "pause-image", on: onBoth},
-		{name: "private-registry", on: onBoth},
 		{name: "resolv-conf", on: onBoth, env: "K3S_RESOLV_CONF"},
 		{name: "snapshotter", on: onBoth, only: []string{"overlayfs", "native"}},
 		{name: "protect-kernel-defaults", kind: flag, on: onBoth},
@@ -78,8 +76,9 @@ func buildOptions() map[string]*option {
 		{name: "kube-controller-manager-arg", kind: list, on: onServer},
 		{name: "kube-scheduler-arg", kind: list, on: onServer},
 		{name: "default-local-storage-path", on: onServer},
+		// Nothing of these exists here.
 		{name: "disable", kind: list, comma: true, on: onServer,
-			only: []string{"coredns", "servicelb", "traefik", "local-storage", "metrics-server", "runtimes"}},
+			only: []string{"servicelb", "traefik", "metrics-server", "runtimes"}},
 		{name: "disable-kube-proxy", kind: flag, on: onServer},
 		// Nothing of these three exists here, so "true" is always so.
 		{name: "disable-cloud-controller", kind: flag, on: onServer, only: []string{"true"}},
@@ -90,43 +89,9 @@ func buildOptions() map[string]*option {
 		{name: "etcd-snapshot-dir", on: onServer},
 		{name: "etcd-snapshot-name", on: onServer},
 	}
-	lack := func(on int, names ...string) {
-		for _, name := range names {
-			all = append(all, &option{name: name, kind: list, on: on, lacking: true})
-		}
-	}
-	lack(onBoth,
-		"log", "alsologtostderr", "vmodule", "bind-address", "node-external-ip", "node-internal-dns",
-		"node-external-dns", "flannel-iface", "flannel-conf", "flannel-cni-conf", "vpn-auth", "vpn-auth-file",
-		"with-node-id", "image-credential-provider-bin-dir", "image-credential-provider-config", "docker",
-		"container-runtime-endpoint", "default-runtime", "image-service-endpoint",
-		"disable-default-registry-endpoint", "nonroot-devices", "airgap-extra-registry", "enable-pprof",
-		"rootless", "prefer-bundled-bin")
-	lack(onAgent, "disable-apiserver-lb")
-	lack(onServer,
-		"https-listen-port", "supervisor-port", "apiserver-port", "apiserver-bind-address", "advertise-port",
-		"flannel-ipv6-masq", "flannel-external-ip", "egress-selector-mode", "servicelb-namespace",
-		"helm-job-image", "etcd-arg", "kube-cloud-controller-manager-arg", "kine-tls", "datastore-endpoint",
-		"datastore-cafile", "datastore-certfile", "datastore-keyfile", "etcd-expose-metrics",
-		"etcd-snapshot-schedule-cron", "etcd-snapshot-retention", "etcd-snapshot-compress", "etcd-snapshot-reconcile-interval",
-		"etcd-s3", "etcd-s3-endpoint", "etcd-s3-endpoint-ca",
-		"etcd-s3-skip-ssl-verify", "etcd-s3-access-key", "etcd-s3-secret-key", "etcd-s3-session-token",
-		"etcd-s3-bucket", "etcd-s3-bucket-lookup-type", "etcd-s3-region", "etcd-s3-folder", "etcd-s3-proxy",
-		"etcd-s3-config-secret", "etcd-s3-insecure", "etcd-s3-timeout", "etcd-s3-retention",
-		"disable-scheduler", "disable-apiserver", "disable-controller-manager", "disable-etcd", "disable-agent",
-		"embedded-registry", "supervisor-metrics", "system-default-registry", "write-kubeconfig-group", "secrets-encryption",
-		"secrets-encryption-provider", "multi-cluster-cidr")
 	byName := make(map[string]*option, len(all))
 	for _, o := range all {
 		byName[o.name] = o
 	}
 	return byName
-}
-
-// lackingEnv are k3s's environment variables without a counterpart here.
-var lackingEnv = map[string]bool{
-	"K3S_DATASTORE_ENDPOINT": true, "K3S_DATASTORE_CAFILE": true, "K3S_DATASTORE_CERTFILE": true,
-	"K3S_DATASTORE_KEYFILE": true, "K3S_CLUSTER_SECRET": true, "K3S_SYSTEM_DEFAULT_REGISTRY": true,
-	"K3S_VPN_AUTH": true, "K3S_VPN_AUTH_FILE": true, "K3S_ROOTLESS_MTU": true, "K3S_URL_TOKEN": true,
-	"K3S_KUBECONFIG_GROUP": true,
 }

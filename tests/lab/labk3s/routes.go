@@ -4,7 +4,6 @@ import (
 	"context"
 	"fmt"
 	"net"
-	"os/exec"
 	"strings"
 	"time"
 
@@ -15,6 +14,7 @@ import (
 	"k8s.io/client-go/kubernetes"
 	listers "k8s.io/client-go/listers/core/v1"
 	"k8s.io/client-go/tools/cache"
+	"k8s.io/kubernetes/pkg/util/iptables"
 )
 
 // routeProtocol marks our routes in the kernel, so that the stale ones can be
@@ -165,36 +165,26 @@ const (
 // syncFirewall hides pods from the outside only, and lets their traffic pass
 // on hosts that forward nothing by default.
 func syncFirewall(clusterCIDR string) error {
-	type rule struct{ table, chain, from, match string }
-	for _, r := range []rule{
-		{"nat", natChain, "POSTROUTING", "-s " + clusterCIDR + " -d " + clusterCIDR + " -j RETURN"},
-		{"nat", natChain, "POSTROUTING", "-s " + clusterCIDR + " ! -d 224.0.0.0/4 -j MASQUERADE"},
-		{"filter", forwardChain, "FORWARD", "-s " + clusterCIDR + " -j ACCEPT"},
-		{"filter", forwardChain, "FORWARD", "-d " + clusterCIDR + " -j ACCEPT"},
+	tables := iptables.New(iptables.ProtocolIPv4)
+	for _, r := range []struct {
+		table       iptables.Table
+		chain, from iptables.Chain
+		match       string
+	}{
+		{iptables.TableNAT, natChain, iptables.ChainPostrouting, "-s " + clusterCIDR + " -d " + clusterCIDR + " -j RETURN"},
+		{iptables.TableNAT, natChain, iptables.ChainPostrouting, "-s " + clusterCIDR + " ! -d 224.0.0.0/4 -j MASQUERADE"},
+		{iptables.TableFilter, forwardChain, iptables.ChainForward, "-s " + clusterCIDR + " -j ACCEPT"},
+		{iptables.TableFilter, forwardChain, iptables.ChainForward, "-d " + clusterCIDR + " -j ACCEPT"},
 	} {
-		// Fails where the chain exists, which is as good.
-		_ = iptables(r.table, "-N", r.chain)
-		if err := ensureRule(r.table, "-A", r.chain, strings.Fields(r.match)...); err != nil {
+		if _, err := tables.EnsureChain(r.table, r.chain); err != nil {
 			return err
 		}
-		if err := ensureRule(r.table, "-I", r.from, "-j", r.chain); err != nil {
+		if _, err := tables.EnsureRule(iptables.Append, r.table, r.chain, strings.Fields(r.match)...); err != nil {
 			return err
 		}
-	}
-	return nil
-}
-
-func ensureRule(table, how, chain string, match ...string) error {
-	if iptables(table, append([]string{"-C", chain}, match...)...) == nil {
-		return nil
-	}
-	return iptables(table, append([]string{how, chain}, match...)...)
-}
-
-func iptables(table string, args ...string) error {
-	command := exec.Command("iptables", append([]string{"-w", "10", "-t", table}, args...)...)
-	if output, err := command.CombinedOutput(); err != nil {
-		return fmt.Errorf("%s: %w: %s", command, err, strings.TrimSpace(string(output)))
+		if _, err := tables.EnsureRule(iptables.Prepend, r.table, r.from, "-j", string(r.chain)); err != nil {
+			return err
+		}
 	}
 	return nil
 }

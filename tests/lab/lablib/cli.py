@@ -216,7 +216,8 @@ def _artifacts(options: argparse.Namespace) -> None:
     for following in ("next", "minor") if options.next_k3s else ():
         values[f"{following}_airgap_dir"] = str(k3s.airgap(cache, choice, f"{following}_version"))
     if options.observability is not None:
-        observability_build.ensure_all(cache, observability.choose(options.observability))
+        for part in observability.choose(options.observability):  # one after the other: each build uses every core
+            observability_build.ensure(cache, part)
     state.save_artifacts(values | observability.built(cache))
     say(f"artifacts are ready in {time.monotonic() - started:.1f} s")
 
@@ -231,9 +232,11 @@ def _program(options: argparse.Namespace) -> None:
 
 
 def _go(options: argparse.Namespace) -> None:
+    environment = go_environment()
+    environment["GOFLAGS"] += f" -modfile={k3s.labk3s_modules(_cache())}"
     os.chdir(LABK3S)
     go = go_command()
-    os.execve(go, [go, *options.arguments], {**os.environ, **go_environment()})  # noqa: S606 - no shell
+    os.execve(go, [go, *options.arguments], {**os.environ, **environment})  # noqa: S606 - no shell
 
 
 def _wipe(_options: argparse.Namespace) -> None:

@@ -9,13 +9,15 @@ import http.client
 import os
 import urllib.error
 import urllib.request
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 from .artifacts import Cache, Recipe, file_sha256
 from .errors import LabError
-from .go import go_command, go_environment, go_pin
+from .go import complete, go_command, go_environment, go_pin
 from .oci import Image, architecture, write_archive, write_layer
 from .paths import LABK3S, pins
 from .run import Job, build, say
@@ -132,15 +134,24 @@ def _labk3s(cache: Cache, kind: str, version: str) -> Path:
         values={"version": version, "pins": pins()["labk3s"], "go": go_pin(), "architecture": architecture()},
         files=(LABK3S, *(Path(__file__).with_name(name) for name in ("k3s.py", "go.py", "oci.py"))),
     )
-    return cache.ensure(recipe, lambda directory, log: _build_labk3s(version, directory, log))
+    return cache.ensure(recipe, lambda directory, log: _build_labk3s(version, labk3s_modules(cache), directory, log))
 
 
-def _build_labk3s(version: str, directory: Path, log: Path) -> None:
+def labk3s_modules(cache: Cache) -> Path:
+    """The whole go.mod of labk3s, with its go.sum beside it; for -modfile."""
+    sums = pins()["labk3s"]["sums"]
+    values = {"sums": sums, "go": go_pin()}
+    recipe = Recipe("gomodules", "labk3s's Go modules", values, (LABK3S, Path(__file__).with_name("go.py")))
+    make: Callable[[Path, Path], None] = partial(complete, LABK3S, ["-test", "./..."], sums)
+    return cache.ensure(recipe, make) / "go.mod"
+
+
+def _build_labk3s(version: str, modules: Path, directory: Path, log: Path) -> None:
     scratch = directory / "scratch"
     scratch.mkdir()
 
     def compile_(package: str, target: Path) -> None:
-        flags = ["-ldflags", f"-s -w -X main.version={version}", "-o", str(target), package]
+        flags = [f"-modfile={modules}", "-ldflags", f"-s -w -X main.version={version}", "-o", str(target), package]
         what = f"labk3s {version}, {target.name} (Go; the first time takes minutes)"
         build(Job([go_command(), "build", *flags], what, log, cwd=LABK3S, env=go_environment()))
 

@@ -19,9 +19,9 @@ from .go import go_pin
 from .oci import architecture
 from .paths import OBSERVABILITY, pins
 
-_CODE = ("observability_build.py", "observability_tree.py", "oci.py")
+_CODE = ("observability_build.py", "oci.py")
 _GO_CODE = ("go.py", *_CODE)
-_DEBIAN_CODE = ("debian.py", "observability_packages.py", *_CODE)
+_DEBIAN_CODE = ("debian.py", *_CODE)
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Part:
     programs: Mapping[str, str]
     tools: Mapping[str, str] = field(default_factory=dict)
     module: str = ""
+    sums: str = ""
     version: str = ""
     version_variable: str = ""
     tags: Sequence[str] = ()

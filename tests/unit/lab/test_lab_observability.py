@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from lablib import observability
+from lablib import go, observability
 from lablib.artifacts import Cache, file_sha256
 from lablib.errors import LabError
 from lablib.observability import Part, built, choose, part_with, program_path, recipe
-from lablib.observability_build import _configuration
-from lablib.observability_packages import pick
-from lablib.observability_tree import base_files, write_tree
+from lablib.observability_build import _configuration, base_files, pick, write_tree
+from lablib.run import Job
 
 PARTS = observability.parts()
 FILES = ("lib*/ld-linux*.so.*", "lib/*/libc.so.6")
@@ -52,10 +51,23 @@ def test_the_pinned_module_is_what_go_builds(name: str) -> None:
     part = PARTS[name]
     module, _at, version = part.module.partition("@")
     go_mod = (part.module_directory / "go.mod").read_text()
-    assert re.search(rf"^\t?(require )?{re.escape(module)} {re.escape(version)}\b", go_mod, re.MULTILINE)
-    assert f"{module} {version} h1:" in (part.module_directory / "go.sum").read_text()
-    for package in {*part.programs.values(), *part.tools.values()} - {"."}:
-        assert re.search(rf"^(tool |\t){re.escape(package)}$", go_mod, re.MULTILINE), package
+    assert re.search(rf"^(\t|require ){re.escape(module)} {re.escape(version)}$", go_mod, re.MULTILINE)
+    assert all(one == "." or one.startswith(module) for one in [*part.programs.values(), *part.tools.values()])
+
+
+def test_other_modules_than_those_of_the_pins_are_not_built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def build(job: Job) -> None:
+        assert [*job.command][-3:] == ["-deps", "-test", "./..."]
+        (tmp_path / "made" / "go.sum").write_text((tmp_path / "made" / "go.mod").read_text())
+
+    monkeypatch.setattr(go, "build", build)
+    monkeypatch.setattr(go, "go_command", lambda: "go")
+    (tmp_path / "go.mod").write_text("module a")
+    asked = (tmp_path, ["-test", "./..."])
+    with pytest.raises(LabError, match=r"made of other Go modules: SHA-256 of go\.sum \w{64}, pinned f0bf") as told:
+        go.complete(*asked, "f0bf", tmp_path / "made", tmp_path / "log")
+    (found,) = re.findall(r"go\.sum (\w{64})", str(told.value))
+    go.complete(*asked, found, tmp_path / "made", tmp_path / "log")
 
 
 def test_an_unknown_word_in_the_pins_is_an_error() -> None:
@@ -141,12 +153,12 @@ def test_only_what_is_built_is_offered(tmp_path: Path) -> None:
     assert archive.name == "loki-3.4.6.tar"
 
 
-def test_a_changed_checksum_makes_another_artifact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_module_makes_another_artifact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(observability, "OBSERVABILITY", tmp_path)
     (tmp_path / "loki").mkdir()
-    (tmp_path / "loki" / "go.sum").write_text("1")
+    (tmp_path / "loki" / "go.mod").write_text("1")
     before = {name: recipe(PARTS[name]).key() for name in ("loki", "vmagent")}
-    (tmp_path / "loki" / "go.sum").write_text("2")
+    (tmp_path / "loki" / "go.mod").write_text("2")
     after = {name: recipe(PARTS[name]).key() for name in before}
     assert [name for name in before if before[name] == after[name]] == ["vmagent"]
 
