@@ -9,6 +9,8 @@ import hashlib
 import ipaddress
 import json
 import shlex
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +19,6 @@ from .keys import Keys
 from .names import container_name, volume_name
 from .paths import COMMAND
 from .podman import limits, podman, podman_try
-from .poll import wait_for
 from .run import run, say
 from .state import Host, LabState, write_whole
 
@@ -35,6 +36,20 @@ FLAGS = (
 def mac_address(address: str) -> str:
     """The same one after every restart: neighbours would go on sending to a former one for up to half a minute."""
     return "02:72:" + ipaddress.IPv4Address(address).packed.hex(":")
+
+
+def wait_for(
+    what: str, look: Callable[[], tuple[bool, str]], *, seconds: float, interval: float = 0.25, todo: str = ""
+) -> str:
+    """Looks until `look` says (True, observation); a time-out is an error that carries the last observation."""
+    deadline = time.monotonic() + seconds
+    while True:
+        done, observed = look()
+        if done:
+            return observed
+        if time.monotonic() >= deadline:
+            raise LabError(f"{what}: not within {seconds:g} s", where=f"last seen: {observed}", todo=todo)
+        time.sleep(interval)
 
 
 @dataclass(frozen=True)

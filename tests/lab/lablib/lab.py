@@ -1,15 +1,18 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A whole lab: up, down, status."""
+"""A whole lab with its bridge network: up, down."""
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from ipaddress import IPv4Network
 from pathlib import Path
+from typing import Any
 
 from . import state as states
 from .artifacts import Cache
@@ -17,11 +20,20 @@ from .errors import LabError
 from .hosts import HostRunner
 from .images import host_image
 from .keys import Keys
-from .names import DEFAULT_HOSTS, HostSpec, assign_addresses, check_lab_name, checkout_id, network_name, parse_hosts
-from .network import ensure_network, remove_network
+from .names import (
+    DEFAULT_HOSTS,
+    HostSpec,
+    assign_addresses,
+    check_lab_name,
+    checkout_id,
+    choose_subnet,
+    network_name,
+    parse_hosts,
+    parse_networks,
+)
 from .paths import CHECKOUT, STATE, state_dir
-from .podman import podman
-from .run import say
+from .podman import podman, podman_try
+from .run import run, say
 from .state import Host, LabState
 
 PARALLEL = 8
@@ -99,7 +111,8 @@ class Lab:
             self._remove_containers(keep=set())
             for volume in podman("volume", "ls", "--quiet", f"--filter=label=rosops.lab={self.network}").split():
                 podman("volume", "rm", "--force", volume)
-            remove_network(self.network)
+            if podman_try("network", "inspect", self.network).returncode == 0:
+                podman("network", "rm", "--force", self.network)
             shutil.rmtree(self.directory, ignore_errors=True)
 
     def _remove_containers(self, keep: set[str]) -> None:
@@ -110,6 +123,34 @@ class Lab:
         extra = [name.removeprefix(prefix) for name in found if name not in keep]
         runners = [HostRunner(self.checkout, state, Host(name, "", ""), self.keys, self.directory) for name in extra]
         _each(runners, HostRunner.remove)
+
+
+def _taken() -> list[IPv4Network]:
+    """What podman's networks and this machine's routes and addresses cover."""
+    names = podman("network", "ls", "--format", "{{.Name}}").split()
+    networks = json.loads(podman("network", "inspect", *names)) if names else []
+    routes = json.loads(run(["ip", "-json", "-4", "route", "show", "table", "all"]).stdout or "[]")
+    return parse_networks([*_subnets(networks), *(str(route.get("dst", "")) for route in routes)])
+
+
+def _subnets(networks: list[dict[str, Any]]) -> list[str]:
+    return [entry["subnet"] for network in networks for entry in network.get("subnets") or []]
+
+
+def ensure_network(cache: Cache, name: str, labels: dict[str, str]) -> IPv4Network:
+    """The network's subnet; it is made where it is missing. One at a time per machine: subnets must not clash."""
+    with cache.lock("network", "another lab to make its network"):
+        found = podman_try("network", "inspect", name)
+        if found.returncode == 0:
+            subnets = parse_networks(_subnets(json.loads(found.stdout)))
+            if len(subnets) == 1:
+                return subnets[0]
+            raise LabError(f"the podman network {name} is not the lab's", todo=f"podman network rm -f {name}")
+        subnet = choose_subnet(name, _taken())
+        flags = [f"--label={key}={value}" for key, value in labels.items()]
+        podman("network", "create", "--disable-dns", f"--subnet={subnet}", *flags, name)
+        say(f"network {name}: {subnet}")
+        return subnet
 
 
 def _raise_inotify_limit() -> None:

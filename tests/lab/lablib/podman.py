@@ -5,11 +5,9 @@
 
 from __future__ import annotations
 
-import json
 import resource
 import subprocess
 from pathlib import Path
-from typing import Any
 
 from .run import run
 
@@ -34,10 +32,6 @@ def podman(*arguments: str, check: bool = True, timeout: float = 120, stdin: byt
 
 def podman_try(*arguments: str, timeout: float = 120) -> subprocess.CompletedProcess[str]:
     return run([*PODMAN, *arguments], check=False, timeout=timeout)
-
-
-def podman_json(*arguments: str) -> Any:
-    return json.loads(podman(*arguments) or "null")
 
 
 def cgroups() -> str:

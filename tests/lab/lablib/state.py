@@ -66,10 +66,6 @@ def save(state: LabState) -> None:
     write_whole(state_dir(state.name) / "lab.json", json.dumps(asdict(state), indent=2) + "\n")
 
 
-def labs() -> list[str]:
-    return sorted(path.parent.name for path in STATE.glob("*/lab.json"))
-
-
 def write_whole(path: Path, text: str) -> None:
     """Never half a file, whatever happens while it is written."""
     path.parent.mkdir(parents=True, exist_ok=True)
