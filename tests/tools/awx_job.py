@@ -16,7 +16,6 @@ import os
 import random
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -27,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from started import kill, marked
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 IDLE = 20  # AWX's DEFAULT_JOB_IDLE_TIMEOUT here, in seconds
@@ -177,10 +177,7 @@ class Job:
 
     def cancel(self) -> Ended:
         """As somebody who clicks on it: nothing of it gets a word to end by itself."""
-        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first: nothing acts on the end of something else
-            for process in self._processes():
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(process, number)
+        kill(self._processes)
         self._process.wait(timeout=30)
         return self._ended("canceled")
 
@@ -191,9 +188,7 @@ class Job:
         except subprocess.TimeoutExpired:
             self.cancel()
             raise AssertionError(f"the job ran for more than {seconds:g} s:\n{self.output[-3000:]}") from None
-        for process in self._processes():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
+        kill(self._processes)
         return self._ended((self.folder / "artifacts" / "job" / "status").read_text())
 
     def _ended(self, status: str) -> Ended:
@@ -211,14 +206,9 @@ class Job:
         shutil.rmtree(self.folder)
         return self.ended
 
-    def _processes(self) -> list[int]:
+    def _processes(self) -> dict[int, str]:
         """Everything that was started by it. Ansible's workers are sessions of their own."""
-        wanted, found = f"{MARK}={self.mark}".encode(), []
-        for path in Path("/proc").glob("[0-9]*/environ"):
-            with contextlib.suppress(OSError):  # it has ended, or is another user's
-                if wanted in path.read_bytes().split(b"\0"):
-                    found.append(int(path.parent.name))
-        return found
+        return marked(MARK, self.mark)
 
 
 def shuffled(inventory: Mapping[str, Any]) -> dict[str, Any]:

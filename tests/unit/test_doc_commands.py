@@ -32,7 +32,7 @@ RUN = {
     r"PLAY update": f"{UPDATE}::test_twelve_apps_on_two_robots_in_one_run",
     r"PLAY update --check --diff": f"{UPDATE}::test_check_mode_says_what_would_change_and_changes_nothing",
     r"PLAY update -e '\{\"update_waves\": [^']*\}' -e update_failure_budget=0": "tests/update/test_2_bad_versions.py"
-    "::test_crashing_version_ends_the_waves",
+    "::test_version_that_crashes_later",
     r"PLAY update -e '\{\"update_remove_apps\": \[\"\w+\"\]\}'( --check)?": "tests/update/test_9_taken_out.py"
     "::test_an_app_that_was_taken_out_goes_when_that_is_asked_for",
     r"PLAY (update|rollback) LIMIT( -e '\{\"update_apps\": \[\"\w+\"\]\}')?": f"{UPDATE}"

@@ -24,9 +24,8 @@ APPS = {
 @pytest.mark.promise("a second run changes nothing")
 def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
     before = fleet.running()
-    run = fleet.playbooks.run("site", fleet.variables)
-    assert (run.status, run.changed) == (0, 0), run
-    assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
+    run = fleet.playbooks.run("site", fleet.variables).must(0, **dict.fromkeys(ROBOTS, "unchanged"))
+    assert run.changed == 0, run
     fleet.assert_still_running(before)
 
 
@@ -61,9 +60,9 @@ def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> Non
 @pytest.mark.promise("an update of a whole fleet loses nothing, and a second one changes nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()
-    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=5)
-    assert run.status == 0, run
-    assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
+    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=5).must(
+        0, **dict.fromkeys(ROBOTS, "updated")
+    )
     for robot, pods in fleet.pods().items():
         steps = [step["name"] for step in run.steps(robot)]
         assert set(steps) == APPS, run

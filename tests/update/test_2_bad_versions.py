@@ -45,32 +45,11 @@ def test_action_server_whose_program_is_not_there(fleet: Fleet) -> None:
     watch.assert_nothing_lost("robot1")
 
 
-def test_crashing_version_ends_the_waves(fleet: Fleet) -> None:
-    """The second robot's update is a good one, but the budget allows no failure."""
-    before, watch = fleet.running(), fleet.watch()
-    both = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
-    both = fleet.new_version("robot2", "temperature", on=both)
-    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0, **PATIENCE).must(
-        2, robot1="rolled-back", robot2="unchanged"
-    )
-    assert "not begun: robot1 failed" in run.host("robot2")["reason"], run
-    fleet.assert_taken_back(before)
-    fleet.assert_still_running(before)
-    watch.assert_nothing_lost(goals=False)
-
-
-@pytest.mark.parametrize(
-    "after",
-    [
-        pytest.param(5),
-        pytest.param(30, marks=pytest.mark.promise("a version that goes bad later is taken back, and ends the waves")),
-        pytest.param(90),
-    ],
-)
-def test_version_that_crashes_later(fleet: Fleet, after: float) -> None:
+@pytest.mark.promise("a version that goes bad later is taken back, and ends the waves")
+def test_version_that_crashes_later(fleet: Fleet) -> None:
     """The run finds it good. The robot's keeper watches on, and the second robot's wave waits for what it sees."""
     before = fleet.revisions()
-    both = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=after)
+    both = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=30)
     both = fleet.new_version("robot2", "add-two-ints", on=both)
     run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0).must(
         2, robot1="rolled-back", robot2="unchanged"
@@ -96,28 +75,11 @@ def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
     fleet.accept(good)
 
 
-def test_version_at_half_the_rate(fleet: Fleet) -> None:
-    before, watch = fleet.running(), fleet.watch()
-    run = fleet.update(fleet.new_version("robot1", "temperature", RATE_HZ=250), *LIMIT, **PATIENCE).must(
-        2, robot1="rolled-back"
-    )
-    assert "rate" in run.host("robot1")["reason"], run
-    fleet.assert_taken_back(before)
-    watch.assert_nothing_lost("robot1", goals=False)
-
-
-@pytest.mark.parametrize(
-    "after",
-    [
-        pytest.param(0.7, id="while-both-run"),
-        pytest.param(8, id="when-the-old-one-is-gone", marks=pytest.mark.faults),
-    ],
-)
-def test_service_that_crashes_after_it_registered(fleet: Fleet, after: float) -> None:
+def test_service_that_crashes_after_it_registered(fleet: Fleet) -> None:
     """The last registration wins in ROS 1, so a request may meet the new server just as it dies. That is not hidden."""
     before, revisions = fleet.running(), fleet.revisions()["robot1"]
     watch = fleet.watch()
-    bad = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=after)
+    bad = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=0.7)  # while both run
     fleet.update(bad, *LIMIT, **PATIENCE, update_verify_seconds=10).must(2, robot1="rolled-back")
     fleet.wait_settled()
     assert fleet.revisions()["robot1"] == revisions

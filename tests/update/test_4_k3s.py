@@ -15,7 +15,6 @@ import pytest
 from cluster import LAB, Hosts
 from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
 from runs import Run
-from test_3_interrupted import wait_for_new_goal
 
 EDGE = "edge1"
 HOSTS = [EDGE, *ROBOTS]
@@ -72,8 +71,7 @@ def test_k3s_is_light_beside_the_pods_of_a_robot(fleet: Fleet) -> None:
 def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) -> None:
     before, pods = starts(fleet), fleet.running()
     watch = fleet.watch()
-    run = change(fleet, k3s_config=SETTINGS, update_waves=[1, "100%"])
-    assert run.status == 0, run
+    run = change(fleet, k3s_config=SETTINGS, update_waves=[1, "100%"]).must(0)
     now = starts(fleet)
     assert all(now[host] != before[host] for host in HOSTS), run
     assert not any(unproven(fleet, host) for host in HOSTS)
@@ -84,30 +82,14 @@ def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) 
 @pytest.mark.usefixtures("put_back")
 def test_check_mode_and_a_second_run_start_no_k3s_anew(fleet: Fleet) -> None:
     before = starts(fleet)
-    check = change(fleet, "--check", k3s_config=SETTINGS)
-    assert check.status == 0, check
+    check = change(fleet, "--check", k3s_config=SETTINGS).must(0)
     assert check.output.count("idle now") + check.output.count("busy now") >= len(ROBOTS), check.output[-3000:]
     assert starts(fleet) == before
-    run = change(fleet, k3s_config=SETTINGS, **ALL_AT_ONCE)
-    assert run.status == 0, run
+    change(fleet, k3s_config=SETTINGS, **ALL_AT_ONCE).must(0)
     now = starts(fleet)
     again = change(fleet, k3s_config=SETTINGS)
     assert (again.status, again.changed) == (0, 0), again
     assert starts(fleet) == now
-
-
-@pytest.mark.usefixtures("put_back")
-def test_a_busy_robot_keeps_its_k3s_and_holds_up_no_other(fleet: Fleet) -> None:
-    normal = fleet.variables
-    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), *LIMIT).must(0)
-    before = starts(fleet)
-    wait_for_new_goal(fleet, "robot1")
-    run = change(fleet, k3s_config=SETTINGS, update_on_busy="defer", **ALL_AT_ONCE).must(2)
-    assert run.outcomes["robot1"] == "deferred-busy", run
-    now = starts(fleet)
-    assert now["robot1"] == before["robot1"]
-    assert now["robot2"] != before["robot2"]
-    assert fleet.update(normal, *LIMIT).status == 0
 
 
 @pytest.mark.promise("a k3s that does not start is taken back")
@@ -152,15 +134,13 @@ def datastore(request: pytest.FixtureRequest, standing_fleet: Fleet) -> str:
 
 def test_a_datastore_of_before_an_update_comes_back(fleet: Fleet) -> None:
     """What was marked and recorded then is no word on what is wanted now, and no app at work is taken for a new one."""
-    kept, limit = "/var/lib/rancher/kept-db", ("--limit", "robot1,edge1")
-    first = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
-    assert first.outcomes == {"robot1": "updated"}, first
+    kept = "/var/lib/rancher/kept-db"
+    fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     # its keeper watches it: the mark of that is in the copy
     fleet.hosts.ssh(EDGE, f"systemctl stop k3s && cp -a {DATABASE} {kept} && systemctl start k3s")
     there = fleet.variables
     fleet.wait_settled()
-    second = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
-    assert second.outcomes == {"robot1": "updated"}, second
+    fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     fleet.hosts.ssh(EDGE, f"systemctl stop k3s && rm -r {DATABASE} && mv {kept} {DATABASE} && systemctl start k3s")
     for robot in ROBOTS:  # what a kubelet has seen since is newer than what the API has now: it would hear of nothing
         fleet.hosts.ssh(robot, "systemctl restart k3s-agent")
@@ -168,12 +148,10 @@ def test_a_datastore_of_before_an_update_comes_back(fleet: Fleet) -> None:
     fleet.wait_settled()
 
     before, watch = fleet.running(), fleet.watch()
-    bad = fleet.update(fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3), *limit, update_ready_timeout=30)
-    assert bad.outcomes == {"robot1": "rolled-back"}, bad
-    fleet.wait_settled()
-    fleet.assert_still_running(before, "robot1")
-    good = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
-    assert good.outcomes == {"robot1": "updated"}, good
+    bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
+    fleet.update(bad, *LIMIT, update_ready_timeout=30).must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
+    good = fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     (step,) = good.steps("robot1")
     assert {"gate", "record"} <= set(step["phases"]), good  # through the gate, and no installation
     watch.assert_nothing_lost("robot1", goals=False)

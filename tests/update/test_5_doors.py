@@ -10,46 +10,35 @@ from pathlib import Path
 import pytest
 from fleet import LIMIT, Fleet
 
-PARTS = {"site": ("--tags", "apps,ready"), "update": ()}
-THROUGH_SITE = pytest.mark.promise("site.yml changes a robot at work through the same gate, and one run at a time may")
+SITE = ("--tags", "apps,ready", *LIMIT)
 
 
-@pytest.mark.parametrize(
-    ("first", "second"), [("update", "update"), ("update", "site"), pytest.param("site", "update", marks=THROUGH_SITE)]
-)
-def test_second_run_is_told_who_is_there(fleet: Fleet, first: str, second: str) -> None:
+@pytest.mark.promise("site.yml changes a robot at work through the same gate, and one run at a time may")
+def test_second_run_is_told_who_is_there(fleet: Fleet) -> None:
     """The first one is at it for most of a minute: its version never gets ready, and is taken back. Then a good one."""
     before = fleet.running()
     watch = fleet.watch()
     bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
-    running = fleet.playbooks.start(first, {**bad, "update_ready_timeout": 45}, "-v", *PARTS[first], *LIMIT)
+    running = fleet.playbooks.start("site", {**bad, "update_ready_timeout": 45}, "-v", *SITE)
     running.wait_for(r"^\[robot1\] temperature: rollout")
-    run = fleet.playbooks.run(second, fleet.new_version("robot1", "add-two-ints"), *LIMIT)
-    assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy"}), run
+    run = fleet.update(fleet.new_version("robot1", "add-two-ints"), *LIMIT).must(2, robot1="deferred-busy")
     assert "process" in run.host("robot1")["reason"], run
-    ended = running.finish()
-    assert (ended.status, ended.outcomes) == (2, {"robot1": "rolled-back"}), ended
-    fleet.wait_settled()
-    fleet.assert_still_running(before, "robot1")
+    running.finish().must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
 
     good = fleet.new_version("robot1", "temperature")
-    run = fleet.playbooks.run(first, good, *PARTS[first], *LIMIT)
-    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    run = fleet.playbooks.run("site", good, *SITE).must(0, robot1="updated")
     assert [step["name"] for step in run.steps("robot1")] == ["temperature"], run
     assert fleet.running()["robot1"]["temperature"] != before["robot1"]["temperature"]
     watch.assert_nothing_lost("robot1")
     fleet.accept(good)
 
 
-FOREIGN = pytest.mark.promise("a run of another fleet's inventory reads and changes nothing")
-
-
-@pytest.mark.parametrize("playbook", [pytest.param("update", marks=FOREIGN), "site", "rollback", "status"])
-def test_cluster_of_another_fleet_is_refused(fleet: Fleet, playbook: str) -> None:
+@pytest.mark.promise("a run of another fleet's inventory reads and changes nothing")
+def test_cluster_of_another_fleet_is_refused(fleet: Fleet) -> None:
     before = fleet.cluster.versions(fleet.robots)
-    foreign = {**fleet.new_version("robot1", "temperature"), "fleet_name": "staging"}
-    run = fleet.playbooks.run(playbook, foreign, *LIMIT)
-    assert run.status != 0 or playbook == "status", run
+    run = fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT, fleet_name="staging")
+    assert run.status != 0, run
     assert "staging" in run.output, run.output[-3000:]
     assert "temperature" not in str(run.outcomes), run
     assert fleet.cluster.versions(fleet.robots) == before

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from cluster import LAB
-from fleet import ALL_AT_ONCE, ROBOTS, Fleet
+from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
 from runs import Run
 from test_3_interrupted import wait_for_new_goal
 
@@ -90,16 +90,15 @@ def test_tasks_are_proven_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any)
 
 def test_tasks_wait_for_a_robot_at_work(fleet: Fleet, tasks: Any) -> None:
     normal = fleet.variables
-    slow = fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), "--limit", "robot1,edge1")
-    assert slow.status == 0, slow
+    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), *LIMIT).must(0)
     watch, pods = fleet.watch(), fleet.running()
     wait_for_new_goal(fleet, "robot1")
     # a goal of robot1 takes half a minute; those of robot2 are short, and there is time between them
     run = guarded(fleet, tasks(DONE), update_busy_timeout=8, **ALL_AT_ONCE)
-    assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy", "robot2": "updated"}), run
+    run.must(2, robot1="deferred-busy", robot2="updated")
     assert marked(fleet) == ["robot2"]
     fleet.assert_still_running(pods)
-    assert fleet.update(normal, "--limit", "robot1,edge1").status == 0  # a goal under way ends soon, and is counted
+    fleet.update(normal, *LIMIT).must(0)  # a goal under way ends soon, and is counted
     watch.assert_nothing_lost()
 
 

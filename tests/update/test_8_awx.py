@@ -93,23 +93,6 @@ def test_a_cancelled_job_and_the_next_one(fleet: Fleet, awx: Controller) -> None
     watch.assert_nothing_lost("robot1")
 
 
-@pytest.mark.parametrize("phase", [phase for phase in PHASES if phase != "rollout"])
-def test_a_job_cancelled_in_each_phase(fleet: Fleet, awx: Controller, phase: str) -> None:
-    app, sign = PHASES[phase]
-    wanted, history = fleet.new_version("robot1", app), fleet.cluster.history("robot1", app)
-    watch = fleet.watch()
-    job = awx.launch("update", wanted, limit=ROBOT1, verbosity=1)
-    wait_for_sign(fleet, job, app, sign, history)
-    job.cancel()
-    ended = awx.run("update", wanted, limit=ROBOT1)
-    # of a version that was proven only the mark was left to take off, which the cancelled job may have done yet
-    words = ("updated", "unchanged") if phase == "proven" else ("updated",)
-    assert ended.outcomes["robot1"] in words
-    fleet.wait_settled()
-    fleet.accept(wanted)
-    watch.assert_nothing_lost("robot1")
-
-
 def test_site_rollback_and_two_jobs_at_once(fleet: Fleet, awx: Controller) -> None:
     """Hosts come in another order in each job, and no host is changed for that."""
     for _job in range(2):

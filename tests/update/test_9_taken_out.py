@@ -43,7 +43,7 @@ PACKAGE = (
 )
 
 
-def spare_and_pair(fleet: Fleet) -> list[dict[str, Any]]:
+def spare_and_pair(fleet: Fleet) -> None:
     """Two apps that are there: a node with all that an app may have, and a launch file that the inventory brings."""
     (listener,) = fleet.pods()["robot1"]["temperature-stats"]
     program = "/opt/rosops-apps/bin/temperature_subscriber"
@@ -72,43 +72,23 @@ def spare_and_pair(fleet: Fleet) -> list[dict[str, Any]]:
     assert len(of_app(fleet, "spare")) == 5, of_app(fleet, "spare")
     assert len(of_app(fleet, "pair")) == 4, of_app(fleet, "pair")  # no parameters
     assert [*fleet.cluster.behind("robot1", "spare")] == ["web:9001"]
-    return [pair, spare]
-
-
-def without_them(fleet: Fleet) -> dict[str, Any]:
-    return {name: value for name, value in fleet.variables.items() if name != "ros_apps_robot"}
 
 
 @pytest.mark.promise("an app that was taken out is removed without a loss, where that is asked for")
 def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> None:
+    without = fleet.variables
     spare_and_pair(fleet)
-    watch, without = fleet.watch(), without_them(fleet)
+    watch = fleet.watch()
     before = fleet.running()
 
     run = fleet.update(without, *LIMIT)
     assert (run.status, run.outcomes["robot1"], run.changed) == (0, "unchanged", 0), run
     assert "not in the inventory, left as they are (update_remove_apps takes them away): pair, spare" in run.output
-    run = fleet.update(without, *LIMIT, "--check", update_remove_apps=["all"])
-    assert (run.status, run.outcomes["robot1"]) == (0, "updated"), run
+    run = fleet.update(without, *LIMIT, "--check", update_remove_apps=["all"]).must(0, robot1="updated")
     fleet.assert_still_running(before)
 
-    run = fleet.update(without, *LIMIT, update_remove_apps=["all"])
-    assert (run.status, run.outcomes["robot1"]) == (0, "updated"), run
+    run = fleet.update(without, *LIMIT, update_remove_apps=["all"]).must(0, robot1="updated")
     assert [step["name"] for step in run.steps("robot1")] == ["pair", "spare"], run
     assert (of_app(fleet, "spare"), of_app(fleet, "pair")) == ([], [])
     assert fleet.cluster.behind("robot1", "spare") == {}
     watch.assert_nothing_lost("robot1")
-
-
-def test_a_launch_file_with_another_node_is_taken_back_and_what_is_gone_is_not_removed_again(fleet: Fleet) -> None:
-    pair, spare = spare_and_pair(fleet)
-    watch, without = fleet.watch(), without_them(fleet)
-    second = {**pair["launch"], "args": {"second": "pair_three"}}
-    changed = {**fleet.variables, "ros_apps_robot": [{**pair, "launch": second}, spare]}
-    run = fleet.update(changed, *LIMIT, update_ready_timeout=30)
-    assert run.outcomes["robot1"] == "rolled-back", run  # what was there under another name is not there any more
-    assert "/pair_two" in run.host("robot1")["reason"], run
-    watch.assert_nothing_lost("robot1")
-    assert fleet.update(without, *LIMIT, update_remove_apps=["all"]).status == 0
-    run = fleet.update(without, *LIMIT, update_remove_apps=["all"])
-    assert (run.status, run.outcomes["robot1"], run.changed) == (0, "unchanged", 0), run
