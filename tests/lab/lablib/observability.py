@@ -9,7 +9,7 @@ They are built only when asked for: nothing else of the lab needs them, and the 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ _DEBIAN_CODE = ("debian.py", *_CODE)
 
 @dataclass(frozen=True)
 class Part:
-    """One image, as the pins describe it; pins.toml says what each of these means."""
+    """One image, as the pins describe it, made of a module or of packages; pins.toml says what each of these means."""
 
     name: str
     image: str
@@ -43,15 +43,6 @@ class Part:
     user: str = "0"
     directories: Sequence[str] = ()
 
-    @classmethod
-    def of(cls, name: str, pinned: Mapping[str, Any]) -> Part:
-        known = {item.name for item in fields(cls)} - {"name"}
-        if unknown := pinned.keys() - known:
-            raise LabError(f"observability part {name}: {', '.join(sorted(unknown))} is none of {sorted(known)}")
-        if bool(pinned.get("module")) == bool(pinned.get("packages")):
-            raise LabError(f"observability part {name}: either `module` or `packages` says what it is made of")
-        return cls(name, **pinned)
-
     @property
     def module_directory(self) -> Path:
         return OBSERVABILITY / self.name
@@ -63,7 +54,7 @@ class Part:
 
 
 def parts() -> dict[str, Part]:
-    return {name: Part.of(name, pinned) for name, pinned in pins()["observability"].items()}
+    return {name: Part(name, **pinned) for name, pinned in pins()["observability"].items()}
 
 
 def recipe(part: Part) -> Recipe:
