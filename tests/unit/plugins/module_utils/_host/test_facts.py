@@ -10,8 +10,17 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
-from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._host.host_tree import tree
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host
+
+
+def tree(tmp_path: Path, files: dict[str, str]) -> Host:
+    """The host whose root is `tmp_path`; `files` come to those that are there."""
+    for name, content in files.items():
+        file = tmp_path / name.lstrip("/")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(content)
+    return Host(str(tmp_path))
+
 
 CGROUP = "1:name=systemd:/system.slice/k3s.service\n0::/\n"
 CGROUPS_V1 = """#subsys_name\thierarchy\tnum_cgroups\tenabled
@@ -78,13 +87,9 @@ def test_default_routes_come_best_first_with_their_mtu(tmp_path: Path) -> None:
         "/sys/class/net/eth0/mtu": "1500\n",
         "/sys/class/net/wlan0/mtu": "1400\n",
     }
-    assert [
-        (r["family"], r["interface"], r["gateway"], r["mtu"]) for r in _host_facts.routes(tree(tmp_path, files))
-    ] == [
-        (4, "eth0", "10.0.0.1", 1500),
-        (4, "wlan0", "192.168.1.254", 1400),
-        (6, "eth0", "fe80::1", 1500),
-    ]
+    assert [(r["family"], r["interface"], r["mtu"]) for r in _host_facts.routes(tree(tmp_path, files))] == [
+        (4, "eth0", 1500), (4, "wlan0", 1400), (6, "eth0", 1500),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
