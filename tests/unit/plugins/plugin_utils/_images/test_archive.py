@@ -1,10 +1,11 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Archives as docker, podman and buildkit write them."""
+"""Archives as docker, podman and buildkit write them, and what they show of their images."""
 
 from __future__ import annotations
 
 import bz2
+import gzip
 import lzma
 from collections.abc import Callable
 from pathlib import Path
@@ -12,11 +13,13 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images import archive as _archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
+    Archives,
     Image,
     archive_images,
     normal_ref,
-    unusable,
+    opened,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ARM,
@@ -25,7 +28,9 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
     archive,
     digest,
     docker,
+    docker_image,
     oci,
+    oci_image,
 )
 
 
@@ -64,7 +69,7 @@ def test_what_containerd_or_the_control_node_cannot_unpack_is_refused(
     packed = tmp_path / "a.tar.gz"
     packed.write_bytes(pack(Path(docker(tmp_path / "a.tar", ["a:1"])).read_bytes()))
     told = f"{packed} is compressed by {name}: unpack it, or compress it by gzip"
-    assert unusable(str(packed)) == told
+    assert Archives().unusable(str(packed)) == told
     with pytest.raises(SpecError, match=told):
         archive_images(str(packed))
 
@@ -99,3 +104,62 @@ def test_bad_archives_are_named(tmp_path: Path, make: Any, message: str) -> None
 def test_an_architecture_that_is_not_in_the_archive(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="no image for arm, only for amd64, arm64"):
         archive_images(oci(tmp_path / "o.tar"), "armv7l")
+
+
+# --- several of them --------------------------------------------------------------------------------------------------
+
+LAYER = b"layer" * 99
+
+
+@pytest.mark.parametrize("make", [docker_image, oci_image])
+def test_what_would_take_long_to_unpack_is_not_looked_at(
+    make: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, whole = make(tmp_path / "a.tar", "a:1", [LAYER]), tmp_path / "a.tar.gz"
+    whole.write_bytes(gzip.compress(Path(make(tmp_path / "b.tar", "b:1", [LAYER])).read_bytes()))
+    for most, seen in ((whole.stat().st_size, True), (whole.stat().st_size - 1, False)):
+        monkeypatch.setattr(_archive, "LARGEST_COMPRESSED", most)
+        assert bool(Archives().ids([plain, str(whole)], "b:1")) is seen, most
+    monkeypatch.setattr(_archive, "LARGEST_COMPRESSED", 0)
+    assert Archives().ids([plain], "a:1")  # nothing to unpack
+
+
+def test_each_archive_is_listed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = docker_image(tmp_path / "a.tar", "a:1", [LAYER])
+    seen: list[str] = []
+
+    def counted(path: str) -> Any:
+        seen.append(path)
+        return opened(path)
+
+    monkeypatch.setattr(_archive, "opened", counted)
+    archives = Archives()
+    assert [archives.ids([path, path], ref) for ref in ("b:1", "c:1")] == [frozenset()] * 2
+    assert archives.instead([{"path": path}], "b:1") == ["docker.io/library/a:1"]
+    assert seen == [path]
+
+
+def test_what_archives_hold_where_none_has_an_image(tmp_path: Path) -> None:
+    old, other = (docker_image(tmp_path / f"{name}.tar", f"lab/{name}:1", [LAYER]) for name in ("scout", "mule"))
+    both = [{"path": old}, {"path": other}]
+    archives = Archives()
+    assert archives.instead(both, "docker.io/lab/scout:1") == []
+    assert archives.instead(both, "lab/scout:1.0.1") == ["docker.io/lab/mule:1", "docker.io/lab/scout:1"]
+    assert archives.instead([{"path": old, "images": ["lab/none:1"]}], "lab/scout:1") == ["docker.io/lab/none:1"]
+    assert archives.instead([*both, {"path": str(tmp_path / "away.tar")}], "lab/scout:2") == []  # it may have it
+    assert archives.instead([], "lab/scout:2") == []
+
+
+def test_what_is_not_there_is_not_known_to_be_unusable(tmp_path: Path) -> None:
+    assert [Archives().unusable(path) for path in (str(tmp_path / "none"), "~nobody-at-all/x.tar")] == ["", ""]
+
+
+def test_the_ids_of_an_image_for_whatever_machine(tmp_path: Path) -> None:
+    """Which machine a host is only a look at it says. The last archive that has the name counts, as on a node."""
+    old, new = (docker_image(tmp_path / f"{name}.tar", "lab/a:1", [LAYER, name.encode()]) for name in ("old", "new"))
+    archives = Archives()
+    (image,) = archives.ids([old, new], "docker.io/lab/a:1")
+    assert {image} == archives.ids([new], "lab/a:1") != archives.ids([old], "lab/a:1")
+    assert archives.ids([old], "lab/b:1") == archives.ids([], "lab/a:1") == frozenset()
+    assert archives.ids([str(tmp_path / "none.tar"), "~nobody-at-all/x.tar"], "lab/a:1") == frozenset()
+    assert archives.ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") == {ID, f"sha256:{digest(ARM)}"}

@@ -29,14 +29,6 @@ OWN, NEXT = tar_of({"app/one": b""}), tar_of({"app/two": b""})
 Make = Callable[[Path, str, Sequence[bytes]], str]
 
 
-def docker(path: Path, tag: str, layers: Sequence[bytes]) -> str:
-    return docker_image(path, tag, [*layers])
-
-
-def oci(path: Path, tag: str, layers: Sequence[bytes]) -> str:
-    return oci_image(path, tag, [*layers])
-
-
 def linked(path: Path, tag: str, layers: Sequence[bytes]) -> str:
     """As `docker save` did before version 25 and podman does: a layer that stands there already is a link."""
     config = encoded({"architecture": "amd64", "rootfs": {"diff_ids": [f"sha256:{digest(one)}" for one in layers]}})
@@ -68,7 +60,7 @@ def held(place: Path) -> dict[str, bytes]:
         return {member.name: tar.extractfile(member).read() for member in tar.getmembers()}  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize("make", [docker, oci, linked])
+@pytest.mark.parametrize("make", [docker_image, oci_image, linked])
 def test_only_what_the_node_lacks_is_in_it(make: Make, tmp_path: Path) -> None:
     path, place = make(tmp_path / f"{make.__name__}.tar", "lab/apps:1.1", [BASE, NEXT]), tmp_path / "thin.tar"
     needed = thin(path, {sha(BASE), sha(OWN)}, place)
@@ -89,7 +81,7 @@ def test_only_what_the_node_lacks_is_in_it(make: Make, tmp_path: Path) -> None:
 
 def test_it_is_the_same_file_each_time(tmp_path: Path) -> None:
     """An interrupted copy is resumed by the next run."""
-    path = docker(tmp_path / "a.tar", "a:1", [BASE, NEXT])
+    path = docker_image(tmp_path / "a.tar", "a:1", [BASE, NEXT])
     places = [tmp_path / name for name in ("one", "two")]
     for place in places:
         assert thin(path, {sha(BASE)}, place)
@@ -101,7 +93,7 @@ def compressed(path: Path) -> str:
 
 
 def whole_gzip(path: Path) -> str:
-    docker(path, "a:1", [BASE, NEXT])
+    docker_image(path, "a:1", [BASE, NEXT])
     path.write_bytes(gzip.compress(path.read_bytes()))
     return str(path)
 
@@ -115,7 +107,7 @@ def one_layer_gone(path: Path) -> str:
 @pytest.mark.parametrize(
     ("make", "blobs"),
     [
-        (lambda path: docker(path, "a:1", [BASE, NEXT]), set()),  # nothing to leave out
+        (lambda path: docker_image(path, "a:1", [BASE, NEXT]), set()),  # nothing to leave out
         (compressed, {sha(BASE), sha(gzip.compress(BASE))}),  # which digest such a layer has there is not sure
         (whole_gzip, {sha(BASE)}),  # what is left is larger than the whole, which is compressed
         (one_layer_gone, {sha(BASE)}),
@@ -126,7 +118,7 @@ def test_in_doubt_the_whole_archive_travels(make: Callable[[Path], str], blobs: 
 
 
 def test_images_of_one_archive_share_their_layers(tmp_path: Path) -> None:
-    first, second = (docker(tmp_path / f"{name}.tar", f"lab/{name}:1", [BASE, own])
+    first, second = (docker_image(tmp_path / f"{name}.tar", f"lab/{name}:1", [BASE, own])
                      for name, own in (("one", OWN), ("two", NEXT)))  # fmt: skip
     both: list[Any] = []
     files: dict[str, bytes] = {}
