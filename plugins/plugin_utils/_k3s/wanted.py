@@ -5,23 +5,52 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
 from ...module_utils._common.documents import Result, Variables
-from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
+from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES, STARTED_WITH, UNIT_DIRECTORY
 from .._model.addresses import address
-from .unit import HEADER, environment_text, unit_text
 
+HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
 # the arguments of its parts may hold more.
 SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|s3-proxy|access-key|(^|-)(auth|token)$")
 API_PORT = 6443
 SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@")
+# A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.
+WEIGHTS = {"agent": "10", "server": ""}
+UNIT = """[Unit]
+Description=k3s {role}
+Documentation=https://docs.k3s.io
+Wants=network-online.target
+After=network-online.target
+
+[Service]
+Type=notify
+EnvironmentFile=-/etc/rancher/k3s/environment
+ExecStartPre=-/sbin/modprobe br_netfilter
+ExecStartPre=-/sbin/modprobe overlay
+# What this start reads, for the role to see whether a restart is due.
+ExecStartPre=-/bin/sh -c 'stat -c "%%n %%i %%s %%Y" {started_with} >{record} 2>/dev/null'
+ExecStart={binary} {role}
+# Pods outlive a restart of k3s, and have cgroups of their own.
+KillMode=process
+Delegate=yes
+{limits}
+# A robot that boots without its server's network goes on trying; the role has a time limit of its own.
+TimeoutStartSec=0
+Restart=always
+RestartSec=5s
+
+[Install]
+WantedBy=multi-user.target
+"""
 
 
 @dataclass(frozen=True)
@@ -73,6 +102,7 @@ def wanted(
     SpecError where a server is no host.
     """
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
+    service = SERVICES[role]
     init = role == "server" and servers[:1] == [host]
     url = joins or server_url(variables, servers[0], hostvars)
     # A server that stays alone has SQLite: etcd syncs each write, which wears SD cards out. k3s takes what is in SQLite
@@ -81,10 +111,9 @@ def wanted(
     if init:
         joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
-    service = SERVICES[role]
     config_file, unit, registries, environment = (
         f"{CONFIG_DIR}/config.yaml",
-        f"/etc/systemd/system/{service}.service",
+        f"{UNIT_DIRECTORY}/{service}.service",
         f"{CONFIG_DIR}/registries.yaml",
         f"{CONFIG_DIR}/environment",
     )
@@ -133,3 +162,31 @@ def _config(variables: Variables, joining: Mapping[str, object], own_address: st
 
 def _yaml(value: Mapping[str, object]) -> str:
     return HEADER + yaml.safe_dump(value, allow_unicode=True, default_flow_style=False) if value else ""
+
+
+def unit_text(role: str, service: str, started_with: Sequence[str], variables: Variables) -> str:
+    """The unit; `started_with` are the files whose state it records when it starts."""
+    weight = WEIGHTS[role] if variables["k3s_cpu_weight"] == "auto" else variables["k3s_cpu_weight"]
+    limits = {
+        # in system.slice it would be a weight against other services, and not against pods, which are beside that
+        "Slice": "-.slice" if weight else "",
+        "CPUWeight": weight,
+        # as k3s' own unit has them
+        "LimitNOFILE": "1048576",
+        "LimitNPROC": "infinity",
+        "LimitCORE": "infinity",
+        "TasksMax": "infinity",
+    }
+    return HEADER + UNIT.format(
+        role=role,
+        started_with=" ".join(started_with),
+        record=STARTED_WITH.format(service=service),
+        binary=BINARY,
+        limits="\n".join(f"{name}={value}" for name, value in limits.items() if value != ""),
+    )
+
+
+def environment_text(environment: Variables) -> str:
+    """The unit's environment; empty if there is none. systemd reads a value as C does, which JSON's quotes are."""
+    lines = (f"{name}={json.dumps(str(environment[name]))}\n" for name in sorted(environment, key=str.lower))
+    return HEADER + "".join(lines) if environment else ""
