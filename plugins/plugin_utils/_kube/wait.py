@@ -17,13 +17,11 @@ from ...module_utils._common.errors import NotReadyError
 from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ...module_utils._step.objects import Object, is_ready, name_of
 from .._model.names import SIDECAR
-from .cache import Ref, View, targets_for
+from .cache import Ref, Target, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
-from .message import Row, cause_first, notes_on, progress
+from .message import HOPELESS, ProbeNews, Row, cause_first, notes_on, progress
 from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, sidecars, uid_of
-from .probe_events import HOPELESS, ProbeNews
-from .resources import Target
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch
 
@@ -225,13 +223,10 @@ def _result(rows: Sequence[Row], elapsed: float) -> Result:
 def _not_ready(kube: Kube, wait: _Wait, rows: Sequence[Row], verdict: str) -> NotReadyError:
     bad = [row for row in rows if row.verdict.verdict == (FAIL if verdict == FAIL else WAIT)]
     elapsed = wait.elapsed()
-    if verdict == FAIL:
-        head = f"{len(bad)} of {len(rows)} cannot be rolled out"
-    else:
-        head = f"{len(bad)} of {len(rows)} are not rolled out after {elapsed:.0f} s"
+    what = "cannot be rolled out" if verdict == FAIL else f"are not rolled out after {elapsed:.0f} s"
     notes = [] if wait.unlisted or wait.lost else notes_on(kube, bad, wait.view)
     which = ", ".join(str(row.ref) for row in bad)
-    lines = [*(cause_first(row) for row in bad), *notes, f"  {head}: {which}"]
+    lines = [*(cause_first(row) for row in bad), *notes, f"  {len(bad)} of {len(rows)} {what}: {which}"]
     if wait.unreachable() and not wait.unlisted:
         lines.append(f"  The last news is old: {wait.unreachable()}")
     return NotReadyError("\n".join(lines), **_result(rows, elapsed))
