@@ -119,13 +119,13 @@ def routes(host: Host) -> list[Facts]:
         if len(row) >= 10 and row[0] == "0" * 32 and row[1] == "00" and row[9] != "lo":
             found.append((6, int(row[5], 16), row[9]))
     return [
-        {"family": family, "interface": interface, "mtu": mtu(host, interface)}
+        {
+            "family": family,
+            "interface": interface,
+            "mtu": int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0),
+        }
         for family, _metric, interface in sorted(found)
     ]
-
-
-def mtu(host: Host, interface: str) -> int:
-    return int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0)
 
 
 def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
@@ -222,11 +222,6 @@ def reach(targets: list[str], timeout: float) -> list[Facts]:
     return [{"host": host, "port": port, "outcome": said} for (host, port), said in zip(places, outcomes)]
 
 
-def network(host: Host) -> Facts:
-    """What stands between pods and their network: `firewalls` that are on, `selinux`, `lacking` kernel modules."""
-    return {"firewalls": firewalls(host), "selinux": selinux(host), "lacking": lacking(host, os.uname().release)}
-
-
 def firewalls(host: Host) -> list[str]:
     """Those that drop what nobody allowed."""
     found = ["ufw"] if UFW_ON.search(host.read("/etc/ufw/ufw.conf")) else []
@@ -272,5 +267,10 @@ def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], ti
         "listening": listening(host, ports),
         "reach": reach(targets, timeout),
         "k3s": k3s_leftovers(host),
-        "network": network(host),
+        # what stands between pods and their network
+        "network": {
+            "firewalls": firewalls(host),
+            "selinux": selinux(host),
+            "lacking": lacking(host, os.uname().release),
+        },
     }

@@ -108,7 +108,7 @@ def own_interfaces(links: Iterable[tuple[str, str]]) -> list[str]:
 
 def without_own_rules(saved: str) -> str:
     """`iptables-save`'s output without Kubernetes' and CNI's chains and rules; everybody else's stay as they are."""
-    return "".join(line for line in saved.splitlines(keepends=True) if line.startswith("#") or not CHAINS.search(line))
+    return "".join(line for line in saved.splitlines(keepends=True) if not CHAINS.search(line))
 
 
 def mounts_below(mounts: str, directory: str) -> list[str]:

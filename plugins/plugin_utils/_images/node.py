@@ -196,8 +196,9 @@ class NodeImages:
 
     def _command(self, *argv: str, stdin: str = "") -> Result:
         """Run it; what it gets on its standard input is a secret."""
-        secret = {"stdin": stdin} if stdin else {}
-        return self.host.module("ansible.builtin.command", {"argv": [*argv], **secret}, secret=bool(secret))
+        if stdin:
+            return self.host.module("ansible.builtin.command", {"argv": [*argv], "stdin": stdin}, secret=True)
+        return self.host.module("ansible.builtin.command", {"argv": [*argv]})
 
 
 def _require(result: Result, what: str, more: str = "") -> None:

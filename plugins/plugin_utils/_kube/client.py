@@ -118,12 +118,8 @@ class Kube(ApiConnection):
         """
         done: list[Applied] = []
         # all in the body: where there is one, the API server reads no options from the query, dryRun neither
-        options = {
-            "kind": "DeleteOptions",
-            "apiVersion": "v1",
-            "propagationPolicy": "Background",
-            **({"dryRun": ["All"]} if dry_run else {}),
-        }
+        options: Object = {"kind": "DeleteOptions", "apiVersion": "v1", "propagationPolicy": "Background"}
+        options |= {"dryRun": ["All"]} if dry_run else {}
         for ref in refs:
             before, after, uid = self.get(ref), None, (uids or {}).get(ref)
             if before is not None:

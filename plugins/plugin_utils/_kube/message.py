@@ -22,7 +22,7 @@ from .._model.names import SIDECAR
 from .cache import Ref, View
 from .client import Kube
 from .connection import ApiError
-from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, uid_of
+from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
 
 HOPELESS = "cannot become ready: "
 COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
@@ -126,7 +126,7 @@ def _warnings(events: Iterable[Object], names: Iterable[str]) -> list[str]:
 
 
 def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> list[str]:
-    name, namespace = str(meta(pod).get("name")), str(meta(pod).get("namespace"))
+    name, namespace = name_of(pod), _space(pod)
     recovered = condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said
     if not _concerns(name, names) or recovered:
         return []
@@ -204,19 +204,23 @@ class ProbeNews:
         self.lines: dict[str, str] = {}  # by pod uid
         self._due: dict[str, float] = {}
 
-    def due(self, namespaces: Iterable[str], now: float) -> float:
-        """When one of these may be asked next."""
-        return min((self._due.get(namespace, now) for namespace in namespaces), default=math.inf)
+    def due(self, pods: Iterable[Object], now: float) -> float:
+        """When one of these may be asked for next."""
+        return min((self._due.get(_space(pod), now) for pod in pods), default=math.inf)
 
-    def ask(self, kube: Kube, namespaces: Iterable[str], now: float, beside: Iterable[Object] = ()) -> bool:
-        """Ask those that are due; whether there was one. `beside`: pods whose hooks are in a sidecar."""
-        due = [namespace for namespace in namespaces if self._due.get(namespace, now) <= now]
+    def ask(self, kube: Kube, pods: Sequence[Object], now: float) -> bool:
+        """Ask for those that are due; whether there was one."""
+        due = {_space(pod) for pod in pods if self._due.get(_space(pod), now) <= now}
         for namespace in due:
             try:
                 self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
-                for pod in (one for one in beside if meta(one).get("namespace") == namespace):
+                for pod in (one for one in pods if _space(one) == namespace and SIDECAR in sidecars(one)):
                     self.lines[uid_of(pod)] = kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
                 self._due[namespace] = now + SECONDS
             except ApiError as error:  # the wait can do without: the watch tells what matters
                 self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
         return bool(due)
+
+
+def _space(pod: Object) -> str:
+    return str(meta(pod).get("namespace"))

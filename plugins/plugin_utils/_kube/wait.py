@@ -16,12 +16,11 @@ from ...module_utils._common.documents import Result
 from ...module_utils._common.errors import NotReadyError
 from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ...module_utils._step.objects import Object, is_ready, name_of
-from .._model.names import SIDECAR
 from .cache import Ref, Target, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
 from .message import HOPELESS, ProbeNews, Row, cause_first, notes_on, progress
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, sidecars, uid_of
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, uid_of
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch
 
@@ -147,16 +146,11 @@ class _Wait:
         due = [since + BEGUN_SECONDS for since in self.up.values() if since + BEGUN_SECONDS > now]
         return min(due, default=None)
 
-    def starting(self) -> set[str]:
-        """Namespaces where a present pod is up but not ready: only its probe knows why."""
+    def starting(self) -> list[Object]:
+        """The present pods that are up but not ready: only their probes know why."""
         if self.unlisted or self.lost:
-            return set()
-        return {ref.namespace for ref in self.refs if any(_waits(pod) for pod in present_pods(ref, self.view))}
-
-    def hear(self, kube: Kube) -> bool:
-        pods = [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
-        beside = [pod for pod in pods if SIDECAR in sidecars(pod)]
-        return self.news.ask(kube, self.starting(), self.options.now(), beside)
+            return []
+        return [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
 
     def unreachable(self) -> str:
         return str(next(iter(self.lost.values()))) if self.lost else ""
@@ -176,7 +170,7 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
     with options.watch(kube, targets_for(refs)) as stream:
         while True:
             rows = wait.rows()
-            if any(row.verdict.verdict == WAIT for row in rows) and wait.hear(kube):
+            if any(row.verdict.verdict == WAIT for row in rows) and wait.news.ask(kube, wait.starting(), options.now()):
                 rows = wait.rows()
             verdict, now = overall([row.verdict.verdict for row in rows]), options.now()
             if wait.stayed(verdict):

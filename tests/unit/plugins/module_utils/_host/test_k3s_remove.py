@@ -88,10 +88,11 @@ PODMANS = ["var/lib/cni/networks/podman/10.88.0.5", "var/lib/cni/results/podman-
 class Commands:
     def __init__(self) -> None:
         self.asked: list[list[str]] = []
+        self.rules = RULES
 
     def __call__(self, command: list[str], data: str | None = None) -> tuple[int, str, str]:
         self.asked.append(command)
-        return (0, RULES, "") if command[0].endswith("-save") else (0, data or "", "")
+        return (0, self.rules, "") if command[0].endswith("-save") else (0, data or "", "")
 
 
 @pytest.fixture
@@ -145,6 +146,13 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
         "var/lib/rancher/k3s/storage/pvc-1/data",
         "var/lib/rosops-fleet/claims/mine",
     ]
+
+
+def test_a_firewall_without_our_rules_is_not_written(host: Path) -> None:
+    subject, commands = remover(host)
+    commands.rules = k3s_remove.without_own_rules(RULES)
+    assert subject.firewalls() == []
+    assert not any("restore" in command[0] for command in commands.asked)
 
 
 def test_removal_of_everything(host: Path) -> None:

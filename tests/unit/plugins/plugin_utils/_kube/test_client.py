@@ -233,14 +233,13 @@ def test_a_dry_run_foresees_that_it_goes_and_takes_nothing_over(server: Server, 
 
 def test_of_other_kinds_what_others_put_there_stays(server: Server, kube: Kube) -> None:
     server.put(f"{NAMESPACES}/robot-robot1", NAMESPACE)
-    wanted = {**config_map("notes"), "data": {"ours": "1"}}
-    beside = {"manager": "kubectl-edit", "operation": "Update", "fieldsV1": {"f:data": {"f:theirs": {}}}}
-    there = {**wanted["metadata"], "managedFields": [beside]}
-    path = f"{NAMESPACES}/robot-robot1/configmaps/notes"
-    server.put(path, {**wanted, "data": {"ours": "1", "theirs": "2"}, "metadata": there})
-    (change,) = kube.apply([wanted])
-    assert not change.changed
-    assert server.find(path)["data"] == {"ours": "1", "theirs": "2"}
+    api, path = "networking.k8s.io/v1", "/apis/networking.k8s.io/v1/namespaces/robot-robot1/networkpolicies/notes"
+    wanted = {**config_map("notes"), "apiVersion": api, "kind": "NetworkPolicy", "spec": {"ours": "1"}}
+    beside = {"manager": "kubectl-edit", "operation": "Update", "fieldsV1": {"f:spec": {"f:theirs": {}}}}
+    both = {"ours": "1", "theirs": "2"}
+    server.put(path, {**wanted, "spec": both, "metadata": {**wanted["metadata"], "managedFields": [beside]}})
+    assert [one.changed for one in kube.apply([wanted])] == [False]
+    assert (server.find(path)["spec"], server.find(path)["metadata"]["managedFields"]) == (both, [beside])
 
 
 @pytest.mark.parametrize("bad", [{}, {"kind": "Pod"}, {"apiVersion": "v1", "kind": "Pod", "metadata": {}}])

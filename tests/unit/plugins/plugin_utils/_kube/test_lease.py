@@ -41,6 +41,8 @@ def test_let_go_it_is_free_at_once(server: Server, kube: Kube) -> None:
     ours.release()
     assert theirs.acquire().mine
     assert not ours.renew().mine
+    theirs.release()
+    assert not ours.renew().mine  # nobody's, and lost all the same
     assert server.find(PATH)["spec"]["leaseTransitions"] == 1
 
 

@@ -437,6 +437,9 @@ def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_read
     assert done.error is None
     assert 4 <= len(kube.asked) <= 6
     assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
+    away = FakeKube()
+    Run((0.1, [*lists(RUNS, old_pod), lost(PODS)]), kube=away, timeout=9)
+    assert away.asked == []
 
 
 def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:
