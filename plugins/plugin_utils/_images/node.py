@@ -21,9 +21,8 @@ from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError, SpecError
 from ...module_utils._host.k3s import BINARY
 from .._model.machines import architecture_of
-from .archive import Image, archive_images, local_path, normal_ref
+from .archive import Image, archive_images, local_path, normal_ref, thin_archive
 from .look import LABEL, LOOK, Present, pins, present
-from .thin import thin_archive
 
 # On the disk that holds the images anyway.
 DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
