@@ -36,14 +36,9 @@ OURS = (
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
 # a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.
 PLACES = (
-    "/run/k3s",
-    "/run/flannel",
-    "/var/lib/kubelet",
-    "/var/lib/cni/flannel",
-    "/var/lib/cni/networks/cbr0",
-    "/var/log/pods",
-    "/var/log/containers",
-)
+    "/run/k3s", "/run/flannel", "/var/lib/kubelet", "/var/lib/cni/flannel", "/var/lib/cni/networks/cbr0",
+    "/var/log/pods", "/var/log/containers",
+)  # fmt: skip
 CNI_RESULTS = "/var/lib/cni/results"
 IDENTITY = "/etc/rancher/node"
 STOP_TIMEOUT = 30.0  # what a pod has to stop by itself if it says nothing

@@ -17,7 +17,7 @@ import contextlib
 import os
 import traceback
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -158,16 +158,9 @@ class Identity:
 
     def as_object(self) -> Object:
         """The ConfigMap that says it."""
-        return {
-            "apiVersion": IDENTITY.api_version,
-            "kind": IDENTITY.kind,
-            "metadata": {
-                "name": IDENTITY.name,
-                "namespace": IDENTITY.namespace,
-                "labels": {"app.kubernetes.io/managed-by": names.MANAGER},
-            },
-            "data": {"fleet": self.fleet, "cluster": self.cluster},
-        }
+        ref, labels, data = IDENTITY, {"app.kubernetes.io/managed-by": names.MANAGER}, asdict(self)
+        metadata = {"name": ref.name, "namespace": ref.namespace, "labels": labels}
+        return {"apiVersion": ref.api_version, "kind": ref.kind, "metadata": metadata, "data": data}
 
 
 def identity_in(found: Object | None) -> Identity | None:
@@ -196,8 +189,8 @@ def to_be_adopted(found: Identity | None, wanted: Identity, own: bool, where: st
     raise WrongClusterError(
         f"{where} leads to {found}; the inventory's is {wanted}. Nothing was read or changed. "
         + (
-            f"If hosts or names have changed on purpose, delete the {IDENTITY} there (k3s kubectl on the server), and run "
-            "rosops.fleet.site."
+            f"If hosts or names have changed on purpose, delete the {IDENTITY} there (k3s kubectl on the server), and "
+            "run rosops.fleet.site."
             if own
             else "Take that access away, or use the other inventory."
         )

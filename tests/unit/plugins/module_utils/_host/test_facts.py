@@ -92,16 +92,10 @@ def test_default_routes_come_best_first_with_their_mtu(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("directory", "kind"),
-    [
-        ("/var/lib/rancher/k3s", "xfs"),
-        ("/var/lib/rancher", "xfs"),
-        ("/var/lib", "tmpfs"),
-        ("/var/log", "ext4"),
-        ("/", "overlay"),
-    ],
-)
+@pytest.mark.parametrize(("directory", "kind"), [
+    ("/var/lib/rancher/k3s", "xfs"), ("/var/lib/rancher", "xfs"), ("/var/lib", "tmpfs"), ("/var/log", "ext4"),
+    ("/", "overlay"),
+])  # fmt: skip
 def test_the_innermost_mount_counts(directory: str, kind: str) -> None:
     assert _host_facts.filesystem_type(MOUNTS, directory) == kind
 
@@ -142,14 +136,9 @@ def test_leftovers_of_a_member(tmp_path: Path) -> None:
         "/etc/systemd/system/k3s.service": "[Unit]\n",
     }
     assert _host_facts.k3s_leftovers(tree(tmp_path, files)) == {
-        "config": True,
-        "server_url": "https://10.0.0.1:6443",
-        "node_password": True,
-        "server_data": False,
-        "agent_data": True,
-        "units": ["k3s.service", "k3s-agent.service"],
-        "foreign_units": ["k3s.service"],
-    }
+        "config": True, "server_url": "https://10.0.0.1:6443", "node_password": True, "server_data": False,
+        "agent_data": True, "units": ["k3s.service", "k3s-agent.service"], "foreign_units": ["k3s.service"],
+    }  # fmt: skip
 
 
 def test_the_board_ends_with_no_zero_byte(tmp_path: Path) -> None:
@@ -167,15 +156,10 @@ def test_ports_are_open_or_refuse() -> None:
     assert [target["outcome"] for target in found] == ["open", "refused"]
 
 
-@pytest.mark.parametrize(
-    ("raised", "outcome"),
-    [
-        (TimeoutError(), "timeout"),
-        (socket.gaierror(-2, "no name"), "unresolved"),
-        (OSError(113, "x"), "no route to host"),
-        (OSError("odd"), "unreachable"),
-    ],
-)
+@pytest.mark.parametrize(("raised", "outcome"), [
+    (TimeoutError(), "timeout"), (socket.gaierror(-2, "no name"), "unresolved"),
+    (OSError(113, "x"), "no route to host"), (OSError("odd"), "unreachable"),
+])  # fmt: skip
 def test_silence_and_other_ends(monkeypatch: pytest.MonkeyPatch, raised: OSError, outcome: str) -> None:
     def connect(*_args: Any) -> None:
         raise raised

@@ -92,15 +92,11 @@ def test_what_systemd_says(shown: dict[str, str], verdict: str, part: str) -> No
     assert part in seen.observed
 
 
-@pytest.mark.parametrize(
-    ("conditions", "verdict"),
-    [
-        ([], "pass"),
-        ([{"type": "EtcdIsVoter", "status": "True"}], "pass"),
-        ([{"type": "EtcdIsVoter", "status": "False", "message": "Node is a learner"}], "wait"),
-        ([{"type": "Ready", "status": "False"}], "pass"),
-    ],
-)
+@pytest.mark.parametrize(("conditions", "verdict"), [
+    ([], "pass"), ([{"type": "EtcdIsVoter", "status": "True"}], "pass"),
+    ([{"type": "EtcdIsVoter", "status": "False", "message": "Node is a learner"}], "wait"),
+    ([{"type": "Ready", "status": "False"}], "pass"),
+])  # fmt: skip
 def test_a_learner_has_no_vote(conditions: list[dict[str, str]], verdict: str) -> None:
     assert _k3s.member_verdict({"status": {"conditions": conditions}}).verdict == verdict
 

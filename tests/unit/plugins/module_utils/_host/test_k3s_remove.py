@@ -95,28 +95,20 @@ class Commands:
         return (0, self.rules, "") if command[0].endswith("-save") else (0, data or "", "")
 
 
+FILES = (
+    "etc/systemd/system/k3s.service", "etc/systemd/system/k3s.service.previous", "etc/rancher/k3s/config.yaml",
+    "etc/rancher/node/password", "usr/local/bin/k3s", "usr/local/bin/k3s.previous", "usr/local/bin/kubectl",
+    "var/lib/rancher/k3s/server/db/state.db", "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/kubelet/config",
+    "var/lib/rosops-fleet/log-shipper/queue", "var/lib/rosops-fleet/claims/mine",
+    "var/lib/cni/networks/cbr0/10.42.0.5", "var/lib/cni/networks/podman/10.88.0.5",
+    "var/lib/cni/results/cbr0-1a-eth0", "var/lib/cni/results/podman-2b-eth0", "proc/self/mounts",
+    "sys/class/net/cni0/mtu",
+)  # fmt: skip
+
+
 @pytest.fixture
 def host(tmp_path: Path) -> Path:
-    for name in (
-        "etc/systemd/system/k3s.service",
-        "etc/systemd/system/k3s.service.previous",
-        "etc/rancher/k3s/config.yaml",
-        "etc/rancher/node/password",
-        "usr/local/bin/k3s",
-        "usr/local/bin/k3s.previous",
-        "usr/local/bin/kubectl",
-        "var/lib/rancher/k3s/server/db/state.db",
-        "var/lib/rancher/k3s/storage/pvc-1/data",
-        "var/lib/kubelet/config",
-        "var/lib/rosops-fleet/log-shipper/queue",
-        "var/lib/rosops-fleet/claims/mine",
-        "var/lib/cni/networks/cbr0/10.42.0.5",
-        "var/lib/cni/networks/podman/10.88.0.5",
-        "var/lib/cni/results/cbr0-1a-eth0",
-        "var/lib/cni/results/podman-2b-eth0",
-        "proc/self/mounts",
-        "sys/class/net/cni0/mtu",
-    ):
+    for name in FILES:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     (tmp_path / "usr/local/bin/crictl").symlink_to("k3s")
@@ -138,14 +130,9 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
     assert commands.asked[-1] == ["systemctl", "daemon-reload"]
     left = sorted(str(path.relative_to(host)) for path in host.rglob("*") if path.is_file())
     assert left == [
-        "etc/rancher/node/password",
-        "proc/self/mounts",
-        "sys/class/net/cni0/mtu",
-        "usr/local/bin/kubectl",
-        *PODMANS,
-        "var/lib/rancher/k3s/storage/pvc-1/data",
-        "var/lib/rosops-fleet/claims/mine",
-    ]
+        "etc/rancher/node/password", "proc/self/mounts", "sys/class/net/cni0/mtu", "usr/local/bin/kubectl", *PODMANS,
+        "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/rosops-fleet/claims/mine",
+    ]  # fmt: skip
 
 
 def test_a_firewall_without_our_rules_is_not_written(host: Path) -> None:

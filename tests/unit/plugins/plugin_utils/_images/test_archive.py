@@ -40,18 +40,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
 )
 
 
-@pytest.mark.parametrize(
-    ("ref", "full"),
-    [
-        ("ros", "docker.io/library/ros:latest"),
-        ("ros:noetic", "docker.io/library/ros:noetic"),
-        ("lab/ros:noetic", "docker.io/lab/ros:noetic"),
-        ("docker.io/ros:noetic", "docker.io/library/ros:noetic"),
-        ("localhost/lab/ros", "localhost/lab/ros:latest"),
-        ("edge1:5000/ros", "edge1:5000/ros:latest"),
-        ("ghcr.io/a/b@sha256:12", "ghcr.io/a/b@sha256:12"),
-    ],
-)
+@pytest.mark.parametrize(("ref", "full"), [
+    ("ros", "docker.io/library/ros:latest"), ("ros:noetic", "docker.io/library/ros:noetic"),
+    ("lab/ros:noetic", "docker.io/lab/ros:noetic"), ("docker.io/ros:noetic", "docker.io/library/ros:noetic"),
+    ("localhost/lab/ros", "localhost/lab/ros:latest"), ("edge1:5000/ros", "edge1:5000/ros:latest"),
+    ("ghcr.io/a/b@sha256:12", "ghcr.io/a/b@sha256:12"),
+])  # fmt: skip
 def test_names_are_containerds(ref: str, full: str) -> None:
     assert normal_ref(ref) == full
 

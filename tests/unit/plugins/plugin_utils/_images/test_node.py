@@ -132,15 +132,10 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     )
     assert brought.changed
     assert node.calls == [
-        "look",
-        f"directory {DIRECTORY}",
-        "copy apps.tar 2m",
-        f"ctr --namespace k8s.io images import {place(archive)}",
-        f"absent {place(archive)}",
-        "crictl pull docker.io/library/redis:7",
-        "look",
-        f"pin wanted {APPS} wanted {REDIS}",
-    ]
+        "look", f"directory {DIRECTORY}", "copy apps.tar 2m",
+        f"ctr --namespace k8s.io images import {place(archive)}", f"absent {place(archive)}",
+        "crictl pull docker.io/library/redis:7", "look", f"pin wanted {APPS} wanted {REDIS}",
+    ]  # fmt: skip
     assert node.files == {}
     assert [text.split()[0] for text in said] == ["copying", "importing", "pulling"]
     node.calls.clear()
@@ -319,17 +314,11 @@ def listing(*images: tuple[str, list[str]]) -> str:
     return json.dumps({"images": [{"id": digest, "repoTags": tags} for digest, tags in images]})
 
 
-@pytest.mark.parametrize(
-    ("text", "brings", "pulls"),
-    [
-        ("", True, True),
-        (listing(), True, True),
-        (listing(("1", ["docker.io/lab/other:1.0"])), True, True),
-        (listing((ID, [APPS])), False, True),
-        (listing((ID.partition(":")[2], [APPS])), False, True),
-        (listing(("sha256:old", [APPS, REDIS])), True, False),
-    ],
-)
+@pytest.mark.parametrize(("text", "brings", "pulls"), [
+    ("", True, True), (listing(), True, True), (listing(("1", ["docker.io/lab/other:1.0"])), True, True),
+    (listing((ID, [APPS])), False, True), (listing((ID.partition(":")[2], [APPS])), False, True),
+    (listing(("sha256:old", [APPS, REDIS])), True, False),
+])  # fmt: skip
 def test_what_is_there_by_id_does_not_travel(tmp_path: Path, text: str, brings: bool, pulls: bool) -> None:
     path = docker(tmp_path / "a.tar", ["lab/apps:1.0"])
     names = ["redis:7", "docker.io/redis:7", "lab/apps:1.0"]  # what an archive holds is not pulled
@@ -367,21 +356,13 @@ def login(registry: str, user: str = "u") -> dict[str, str]:
     return {"name": "pull", "registry": registry, "username": user, "password": "p:w"}
 
 
-@pytest.mark.parametrize(
-    ("image", "registry", "fits"),
-    [
-        ("r.example/app:1", "r.example", True),
-        ("r.example/app:1", "https://r.example/v2/", True),
-        ("r.example:5000/app:1", "r.example:5000", True),
-        ("r.example:5000/app:1", "r.example", False),
-        ("r.example.org/app:1", "r.example", False),
-        ("r.example/team/app@sha256:0", "r.example/team", True),
-        ("r.example/teams/app:1", "r.example/team", False),
-        ("redis:7", "https://index.docker.io/v1/", True),
-        ("team/app", "docker.io", True),
-        ("r.example/app:1", "docker.io", False),
-    ],
-)
+@pytest.mark.parametrize(("image", "registry", "fits"), [
+    ("r.example/app:1", "r.example", True), ("r.example/app:1", "https://r.example/v2/", True),
+    ("r.example:5000/app:1", "r.example:5000", True), ("r.example:5000/app:1", "r.example", False),
+    ("r.example.org/app:1", "r.example", False), ("r.example/team/app@sha256:0", "r.example/team", True),
+    ("r.example/teams/app:1", "r.example/team", False), ("redis:7", "https://index.docker.io/v1/", True),
+    ("team/app", "docker.io", True), ("r.example/app:1", "docker.io", False),
+])  # fmt: skip
 def test_which_registry(image: str, registry: str, fits: bool) -> None:
     assert auths(image, [login(registry)]) == ([b64encode(b"u:p:w").decode()] if fits else [])
 

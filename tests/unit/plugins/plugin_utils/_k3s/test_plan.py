@@ -127,13 +127,9 @@ def test_archives_of_other_versions_are_old() -> None:
 
 SOUND: dict[str, Any] = {**NOW, "machine": "x86_64", "other_service": False, "cgroup_refused": False}
 VARIABLES: dict[str, Any] = {
-    "k3s_role": "server",
-    "k3s_cluster": "edge",
-    "k3s_server_hosts": ["edge1"],
-    "k3s_install_source": "release",
-    "k3s_version": "v1.34.2+k3s1",
-    "k3s_airgap_dir": "",
-}
+    "k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"], "k3s_install_source": "release",
+    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "",
+}  # fmt: skip
 
 
 def test_a_sound_host_is_not_refused() -> None:
@@ -217,14 +213,9 @@ def test_refusals(installed: str, wanted: str, more: dict[str, Any], words: str)
     assert bool(found) is bool(words)
 
 
-@pytest.mark.parametrize(
-    ("installed", "wanted", "restarts"),
-    [
-        ("v1.30.9+k3s1", "v1.31.0+k3s1", True),
-        (VERSION, "v1.34.9+k3s1", False),
-        (VERSION, "", False),
-        ("ours", VERSION, False),
-    ],
-)
+@pytest.mark.parametrize(("installed", "wanted", "restarts"), [
+    ("v1.30.9+k3s1", "v1.31.0+k3s1", True), (VERSION, "v1.34.9+k3s1", False), (VERSION, "", False),
+    ("ours", VERSION, False),
+])  # fmt: skip
 def test_another_minor_version_may_start_all_containers_again(installed: str, wanted: str, restarts: bool) -> None:
     assert restarts_pods(installed, wanted) is restarts

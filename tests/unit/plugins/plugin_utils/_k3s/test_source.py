@@ -54,11 +54,9 @@ def test_a_directory_that_will_not_do(tmp_path: Path, manifest: str, gone: str, 
 
 
 RELEASE: dict[str, Any] = {
-    "k3s_install_source": "release",
-    "k3s_release_url": "https://mirror/k3s",
-    "k3s_version": "v1.34.2+k3s1",
+    "k3s_install_source": "release", "k3s_release_url": "https://mirror/k3s", "k3s_version": "v1.34.2+k3s1",
     "k3s_release_checksums": {"aarch64": SUM, "x86_64": None},
-}
+}  # fmt: skip
 
 
 def test_a_release_has_its_version_in_its_path() -> None:

@@ -50,17 +50,11 @@ def test_lists_with_selectors_and_impersonation(server: Server) -> None:
     assert server.seen()[0] == "/api/v1/nodes"
 
 
-@pytest.mark.parametrize(
-    ("status", "words", "transient"),
-    [
-        (422, "that field cannot be changed", False),
-        (401, "refuses the credentials", False),
-        (403, "lack that permission", False),
-        (404, "Is that address a Kubernetes API", False),
-        (429, "slow down", True),
-        (503, "slow down", True),
-    ],
-)
+@pytest.mark.parametrize(("status", "words", "transient"), [
+    (422, "that field cannot be changed", False), (401, "refuses the credentials", False),
+    (403, "lack that permission", False), (404, "Is that address a Kubernetes API", False), (429, "slow down", True),
+    (503, "slow down", True),
+])  # fmt: skip
 def test_refusals(server: Server, kube: Kube, status: int, words: str, transient: bool) -> None:
     server.refusals += [(status, "slow down")] * (50 if transient else 1)
     with pytest.raises(ApiError, match=words) as error:

@@ -339,17 +339,13 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
     other = {**warning("talker-new-1", "of an earlier pod of that name", 7)}
     other["involvedObject"] = {**other["involvedObject"], "uid": "uid-earlier"}
     events = [
-        warning("talker-new-1", "second", 2),
-        warning("talker-new-1", "first", 1),
-        warning("talker-new-1", "known", 3, reason="BackOff"),
-        warning("talker-new-1", "Error: ContainerCreating", 4),
-        warning("talker-old-1", "on its way out", 5),
-        warning("talker-gone-1", "gone", 5),
-        warning("other-1", "not ours", 6),
-        other,
+        warning("talker-new-1", "second", 2), warning("talker-new-1", "first", 1),
+        warning("talker-new-1", "known", 3, reason="BackOff"), warning("talker-new-1", "Error: ContainerCreating", 4),
+        warning("talker-old-1", "on its way out", 5), warning("talker-gone-1", "gone", 5),
+        warning("other-1", "not ours", 6), other,
         warning("talker", "of the Deployment itself", 1, "Odd", "Deployment"),
         warning("talker-new", "of the replica set", 1, "FailedCreate", "ReplicaSet"),
-    ]
+    ]  # fmt: skip
     steps = (0.1, lists(FETCHES, gone_soon(old_pod), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube({"Event": events}), timeout=5)
     assert done.message.splitlines()[1:-1] == [
