@@ -53,13 +53,8 @@ def present(printed: str) -> Present:
     """Out of what LOOK printed. A host without k3s has got no further than its machine."""
     machine, images, labels, blobs, containers, *_none = [*f"{printed}\n".split(f"{_BREAK}\n"), "", "", "", ""]
     listed = _json(containers).get("containers") or []
-    return Present(
-        machine.strip(),
-        node_images(images),
-        _pins(labels),
-        frozenset(blobs.split()),
-        frozenset(_digest(str(one.get("imageRef") or "")) for one in listed),
-    )
+    used = frozenset(_digest(str(one.get("imageRef") or "")) for one in listed)
+    return Present(machine.strip(), node_images(images), _pins(labels), frozenset(blobs.split()), used)
 
 
 def node_images(listing: str) -> dict[str, str]:

@@ -74,13 +74,8 @@ def _airgap(directory: str, machine: str) -> Artifacts:
     found = Artifacts(sha256=sums[binary], path=str(base / binary))
     if not images:
         return found
-    return replace(
-        found,
-        archive_name=images.replace(".tar", f"-{sums[images][:12]}.tar"),
-        archive_path=str(base / images),
-        archive_sha256=sums[images],
-        archive_size=size,
-    )
+    name, path, digest = images.replace(".tar", f"-{sums[images][:12]}.tar"), str(base / images), sums[images]
+    return replace(found, archive_name=name, archive_path=path, archive_sha256=digest, archive_size=size)
 
 
 def _sums(manifest: str) -> dict[str, str]:

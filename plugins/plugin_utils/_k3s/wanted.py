@@ -111,32 +111,23 @@ def wanted(
     if init:
         joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
-    config_file, unit, registries, environment = (
-        f"{CONFIG_DIR}/config.yaml",
-        f"{UNIT_DIRECTORY}/{service}.service",
-        f"{CONFIG_DIR}/registries.yaml",
-        f"{CONFIG_DIR}/environment",
+    unit = f"{UNIT_DIRECTORY}/{service}.service"
+    config_file, registries, environment = (
+        f"{CONFIG_DIR}/{name}" for name in ("config.yaml", "registries.yaml", "environment")
     )
-    tokens = (*(("token",) if role == "server" else ()), "agent-token")
+    tokens = ("token", "agent-token") if role == "server" else ("agent-token",)
     token_files = [f"{CONFIG_DIR}/{name}" for name in tokens]
     started_with = (config_file, unit, registries, environment, *token_files, BINARY)
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
-    path = variables["k3s_kubeconfig_path"]
-    return Wanted(
-        role=role,
-        service=service,
-        init=init,
-        url=url,
-        files=(
-            HostFile(config_file, _yaml(config), "0600", secret),
-            HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
-            HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
-            HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
-        ),
-        tokens=tokens,
-        started_with=started_with,
-        kubeconfig=str(Path(path).expanduser()) if init and path else "",
+    files = (
+        HostFile(config_file, _yaml(config), "0600", secret),
+        HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
+        HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
+        HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
     )
+    path = variables["k3s_kubeconfig_path"]
+    kubeconfig = str(Path(path).expanduser()) if init and path else ""
+    return Wanted(role, service, init, url, files, tokens, started_with, kubeconfig)
 
 
 def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:
@@ -144,12 +135,8 @@ def _config(variables: Variables, joining: Mapping[str, object], own_address: st
     config: dict[str, object] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
     if variables["k3s_role"] == "server":
         # without the brackets that it has in a URL: the certificate is to be for an address, not for a name
-        names = [
-            own_address.strip("[]"),
-            variables["k3s_node_name"],
-            variables["k3s_api_endpoint"],
-            *variables["k3s_tls_sans"],
-        ]
+        names = [own_address.strip("[]"), variables["k3s_node_name"], variables["k3s_api_endpoint"]]
+        names += variables["k3s_tls_sans"]
         config |= {
             "write-kubeconfig-mode": "0600",
             "disable": ["traefik", "servicelb"],
@@ -177,13 +164,9 @@ def unit_text(role: str, service: str, started_with: Sequence[str], variables: V
         "LimitCORE": "infinity",
         "TasksMax": "infinity",
     }
-    return HEADER + UNIT.format(
-        role=role,
-        started_with=" ".join(started_with),
-        record=STARTED_WITH.format(service=service),
-        binary=BINARY,
-        limits="\n".join(f"{name}={value}" for name, value in limits.items() if value != ""),
-    )
+    lines = "\n".join(f"{name}={value}" for name, value in limits.items() if value != "")
+    read, record = " ".join(started_with), STARTED_WITH.format(service=service)
+    return HEADER + UNIT.format(role=role, started_with=read, record=record, binary=BINARY, limits=lines)
 
 
 def environment_text(environment: Variables) -> str:
