@@ -17,25 +17,14 @@ FULL = f"K10{HASH}::server:s3cret"
 ACTIVE = {"LoadState": "loaded", "ActiveState": "active", "SubState": "running", "NRestarts": "0"}
 
 
-@pytest.mark.parametrize(
-    ("given", "kept", "cluster", "verdict"),
-    [
-        ("", "", "", "absent"),
-        ("s3cret", "", "", "absent"),
-        ("", "s3cret\n", FULL, "same"),
-        ("s3cret", "s3cret\n", FULL, "same"),
-        ("s3cret", FULL, "", "same"),
-        ("with:colons", f"K10{HASH}::node:with:colons", "", "same"),
-        ("y", "K10short::x:y", "", "differs"),
-        (FULL, "s3cret", FULL, "same"),
-        ("other", "s3cret", FULL, "differs"),
-        ("other", "s3cret", "", "differs"),
-        ("other", "", FULL, "differs"),
-        ("", "other", FULL, "differs"),
-        ("s3cret", "", FULL, "restore"),
-        ("", "", FULL, "lost"),
-    ],
-)
+@pytest.mark.parametrize(("given", "kept", "cluster", "verdict"), [
+    ("", "", "", "absent"), ("s3cret", "", "", "absent"), ("", "s3cret\n", FULL, "same"),
+    ("s3cret", "s3cret\n", FULL, "same"), ("s3cret", FULL, "", "same"),
+    ("with:colons", f"K10{HASH}::node:with:colons", "", "same"), ("y", "K10short::x:y", "", "differs"),
+    (FULL, "s3cret", FULL, "same"), ("other", "s3cret", FULL, "differs"), ("other", "s3cret", "", "differs"),
+    ("other", "", FULL, "differs"), ("", "other", FULL, "differs"), ("s3cret", "", FULL, "restore"),
+    ("", "", FULL, "lost"),
+])  # fmt: skip
 def test_given_tokens_against_the_running_one(given: str, kept: str, cluster: str, verdict: str) -> None:
     assert _k3s.token_verdict(given, kept, cluster) == verdict
 
