@@ -10,7 +10,7 @@ from ansible.utils.vars import load_extra_vars
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._images.contents import Archives
+from ..plugin_utils._images.archive import Archives
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._objects.images import images
 from ..plugin_utils._objects.namespace import needs_fleet_namespace

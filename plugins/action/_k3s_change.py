@@ -19,7 +19,7 @@ from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import HostAction
 from ..plugin_utils._action.robot_host import RobotHost
 from ..plugin_utils._action.variables import change_variables, plain, role_variables
-from ..plugin_utils._k3s.upgrade import refusal, restarts_pods
+from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._model.topology import EDGE_CLUSTER
 from ..plugin_utils._report.keep import keep_early

@@ -18,8 +18,7 @@ from ..module_utils._host.k3s_change import NEXT
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import change_variables, role_variables
-from ..plugin_utils._k3s.plan import old_archives, plan
-from ..plugin_utils._k3s.refusals import refusals, unheard_refusal
+from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
 from ..plugin_utils._k3s.source import source
 from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
 from ..plugin_utils._kube.kubeconfig import is_foreign, is_made_from, kubeconfig_head

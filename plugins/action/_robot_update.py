@@ -18,8 +18,7 @@ from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.cluster import foreseen
 from ..plugin_utils._action.gated import GatedAction
 from ..plugin_utils._action.robot_host import RobotHost
-from ..plugin_utils._images.archive import normal_ref
-from ..plugin_utils._images.contents import Archives
+from ..plugin_utils._images.archive import Archives, normal_ref
 from ..plugin_utils._images.node import NodeImages
 from ..plugin_utils._kube.access import NoClusterError
 from ..plugin_utils._kube.applied import diff_of

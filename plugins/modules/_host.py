@@ -39,8 +39,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError
 from ..module_utils._host.facts import Facts, collect
-from ..module_utils._host.files import Host
-from ..module_utils._host.k3s import BINARY
+from ..module_utils._host.k3s import BINARY, Host
 from ..module_utils._host.k3s_change import NEXT, K3sChange
 
 Arguments = Mapping[str, Any]  # a job's, from the collection's own action

@@ -44,34 +44,12 @@ EXAMPLES = r"""
 
 RETURN = r"""
 removed:
-  description: What went, or would go in check mode.
+  description:
+    - What went, or would go in check mode, each a list.
+    - C(units) stopped and deleted, C(processes) ended (their IDs), C(mounts) released, network C(interfaces) deleted,
+      C(firewalls) whose rule sets held k3s's chains, and C(paths) of files and directories deleted.
   returned: success
   type: dict
-  contains:
-    units:
-      description: Units stopped and deleted.
-      type: list
-      elements: str
-    processes:
-      description: IDs of processes ended.
-      type: list
-      elements: int
-    mounts:
-      description: Mount points released.
-      type: list
-      elements: str
-    interfaces:
-      description: Network interfaces deleted.
-      type: list
-      elements: str
-    firewalls:
-      description: Rule sets that held k3s's chains.
-      type: list
-      elements: str
-    paths:
-      description: Files and directories deleted.
-      type: list
-      elements: str
 """
 
 from ansible.module_utils.basic import AnsibleModule
@@ -82,10 +60,7 @@ from ..module_utils._host.k3s_remove import Remover
 
 def main() -> None:
     module = AnsibleModule(
-        argument_spec={
-            "volumes": {"type": "bool", "default": False},
-            "identity": {"type": "bool", "default": False},
-        },
+        argument_spec={"volumes": {"type": "bool", "default": False}, "identity": {"type": "bool", "default": False}},
         supports_check_mode=True,
     )
     remover = Remover(module.run_command, module.get_bin_path, dry=module.check_mode)

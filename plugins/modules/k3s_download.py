@@ -64,15 +64,15 @@ sha256:
 """
 
 import os
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Callable, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible.module_utils.urls import open_url
 
 from ..module_utils._common.errors import FleetError
-from ..module_utils._host.download import fetch, listed_sum, proxies, sha256
-from ..module_utils._host.k3s import without_secrets
+from ..module_utils._host.k3s import BLOCK, sha256, without_secrets
 
 ARGUMENTS = {
     "url": {"type": "str", "required": True},
@@ -83,6 +83,43 @@ ARGUMENTS = {
     "timeout": {"type": "float", "default": 60},
 }
 MODE = 0o755
+SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$", re.MULTILINE)
+PROXY = re.compile(r"(https?|all|no)_proxy", re.IGNORECASE)
+
+
+def proxies(environment: Mapping[str, object]) -> dict[str, str]:
+    """What of a unit's environment concerns a download, in both spellings that programs read."""
+    found = {str(name): str(value) for name, value in environment.items() if PROXY.fullmatch(str(name))}
+    return {spelled: value for name, value in found.items() for spelled in (name.lower(), name.upper())}
+
+
+def listed_sum(text: str, name: str, where: str) -> str:
+    """A file's sum out of a list of sha256sum."""
+    for digest, listed in SUM_LINE.findall(text):
+        if listed == name:
+            return str(digest)
+    raise FleetError(f"{where} has no SHA-256 of {name}")
+
+
+def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str, mode: int) -> bool:
+    """Whether the file had to be brought. FleetError, and nothing there, where what came is not what was expected."""
+    if sha256(place) == expected:
+        return False
+    part = place.with_name(f"{place.name}.part")
+    try:
+        answer = open_url(url)
+        with part.open("wb") as file:
+            for block in iter(lambda: answer.read(BLOCK), b""):
+                file.write(block)
+        came = sha256(part)
+        if came != expected:
+            raise FleetError(f"it has the SHA-256 {came}, expected is {expected}")
+        part.chmod(mode)
+        part.replace(place)
+    finally:
+        if part.exists():
+            part.unlink()
+    return True
 
 
 def main() -> None:

@@ -94,7 +94,7 @@ def main() -> None:
     if polled.verdict == PASS:
         module.exit_json(changed=False, **result)
     how = f"not ready after {params['timeout']:g} s" if polled.timed_out else "will not become ready"
-    journal = host.journal(service, params["journal_lines"], began, host.secrets())
+    journal = host.journal(service, params["journal_lines"], began)
     module.fail_json(
         msg=f"{service} {how}: {polled.last}\nThe end of its journal (journalctl -u {service}):\n{journal}", **result
     )

@@ -8,13 +8,11 @@ from __future__ import annotations
 import os
 import re
 import socket
-import struct
 import threading
 from pathlib import Path
 from typing import Dict, Iterable
 
-from .files import UNIT_CGROUP, UNIT_DIRECTORY, Host
-from .k3s import CONFIG_DIR, DATA_DIR, SERVICES
+from .k3s import CONFIG_DIR, DATA_DIR, SERVICES, UNIT_CGROUP, UNIT_DIRECTORY, Host
 
 Facts = Dict[str, object]  # as they are written as JSON
 
@@ -41,7 +39,6 @@ def system(host: Host) -> Facts:
     name, keys = os.uname(), {"id": "ID", "version": "VERSION_ID", "name": "PRETTY_NAME"}
     return {
         "os": {ours: release.get(theirs, "") for ours, theirs in keys.items()},
-        "kernel": name.release,
         "machine": name.machine,
         "hostname": name.nodename,
         "machine_id": host.read("/etc/machine-id").strip(),
@@ -114,22 +111,21 @@ def filesystem_type(mounts: str, directory: str) -> str:
 
 def routes(host: Host) -> list[Facts]:
     """The default routes, IPv4 before IPv6, best metric first."""
-    found: list[tuple[int, int, str, str]] = []
+    found: list[tuple[int, int, str]] = []
     for row in (line.split() for line in host.read("/proc/net/route").splitlines()[1:]):
         if len(row) >= 8 and row[1] == row[7] == "00000000":
-            gateway = socket.inet_ntoa(struct.pack("<L", int(row[2], 16)))
-            found.append((4, int(row[6]), row[0], gateway))
+            found.append((4, int(row[6]), row[0]))
     for row in (line.split() for line in host.read("/proc/net/ipv6_route").splitlines()):
         if len(row) >= 10 and row[0] == "0" * 32 and row[1] == "00" and row[9] != "lo":
-            found.append((6, int(row[5], 16), row[9], socket.inet_ntop(socket.AF_INET6, bytes.fromhex(row[4]))))
+            found.append((6, int(row[5], 16), row[9]))
     return [
-        {"family": family, "interface": interface, "gateway": gateway, "mtu": mtu(host, interface)}
-        for family, _metric, interface, gateway in sorted(found)
+        {
+            "family": family,
+            "interface": interface,
+            "mtu": int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0),
+        }
+        for family, _metric, interface in sorted(found)
     ]
-
-
-def mtu(host: Host, interface: str) -> int:
-    return int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0)
 
 
 def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
@@ -226,11 +222,6 @@ def reach(targets: list[str], timeout: float) -> list[Facts]:
     return [{"host": host, "port": port, "outcome": said} for (host, port), said in zip(places, outcomes)]
 
 
-def network(host: Host) -> Facts:
-    """What stands between pods and their network: `firewalls` that are on, `selinux`, `lacking` kernel modules."""
-    return {"firewalls": firewalls(host), "selinux": selinux(host), "lacking": lacking(host, os.uname().release)}
-
-
 def firewalls(host: Host) -> list[str]:
     """Those that drop what nobody allowed."""
     found = ["ufw"] if UFW_ON.search(host.read("/etc/ufw/ufw.conf")) else []
@@ -276,5 +267,10 @@ def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], ti
         "listening": listening(host, ports),
         "reach": reach(targets, timeout),
         "k3s": k3s_leftovers(host),
-        "network": network(host),
+        # what stands between pods and their network
+        "network": {
+            "firewalls": firewalls(host),
+            "selinux": selinux(host),
+            "lacking": lacking(host, os.uname().release),
+        },
     }

@@ -73,7 +73,13 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
         refused = world.hold(servers)
         held = {action: server for action, server in servers.items() if not refused[action]}
         problems = [f"goals of {action} are not held: {why}" for action, why in refused.items() if why]
-        again = poll(_isolated(world, held), SECOND_LOOK, INTERVAL, CONSECUTIVE, now=now, sleep=sleep)
+
+        def rest(held: Mapping[str, str] = held) -> Seen:
+            for action, server in held.items():  # at every look: the master tells the server of each new client
+                world.isolate(action, server)
+            return world.look()
+
+        again = poll(rest, SECOND_LOOK, INTERVAL, CONSECUTIVE, now=now, sleep=sleep)
         if again.verdict == PASS:
             return Held(PASS, again.last, now() - start, tuple(held), tuple(problems), called_off)
         let_go = world.release(servers)  # of all: a keeper that answered too late holds, too
@@ -81,12 +87,3 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
         called_off += 1
         if again.verdict != WAIT or now() - start >= timeout:
             return Held(again.verdict, again.last, now() - start, (), tuple(problems), called_off)
-
-
-def _isolated(world: World, held: Mapping[str, str]) -> Callable[[], Seen]:
-    def probe() -> Seen:
-        for action, server in held.items():  # at every look: the master tells the server of each new client
-            world.isolate(action, server)
-        return world.look()
-
-    return probe

@@ -1,29 +1,33 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What k3s is on this host, what it was started with, and whether it serves.
+"""A host's files; what k3s is there, what it was started with, and whether it serves.
 
-Decisions are functions of text; `K3sHost` is the only I/O.
+Decisions are functions of text; `Host` and `K3sHost` are the only I/O.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import re
+from pathlib import Path
 from typing import Any, Callable, Iterable
 
+from .._common.errors import FleetError
 from .._common.poll import FAIL, PASS, WAIT, Seen
 from .._step.objects import Object
-from .download import sha256
-from .files import Host
 
+UNIT_DIRECTORY = "/etc/systemd/system"
+UNIT_CGROUP = re.compile(r"/k3s(-agent)?\.service(/|$)", re.MULTILINE)
 BINARY = "/usr/local/bin/k3s"
 CONFIG_DIR = "/etc/rancher/k3s"
 DATA_DIR = "/var/lib/rancher/k3s"
 ETCD = f"{DATA_DIR}/server/db/etcd"
 KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
 SERVICES = {"server": "k3s", "agent": "k3s-agent"}
-# The unit writes here what it was started with (templates/k3s.service.j2).
+# The unit writes here what it was started with (plugin_utils/_k3s/wanted.py).
 STARTED_WITH = "/run/rosops-fleet-{service}.started"
 SHOWN = ("LoadState", "ActiveState", "SubState", "UnitFileState", "NeedDaemonReload", "NRestarts", "Result")
 RESTARTS_ALLOWED = 3
@@ -38,6 +42,7 @@ SECRETS = (
 )
 TROUBLE = re.compile(r"^[EF]\d{4} |level=(error|fatal|panic)|^panic:|\"level\":\"(error|fatal|panic)\"|^error:", re.I)
 LONGEST_LINE = 300
+BLOCK = 1 << 20  # bytes that are read at once of a large file
 
 Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
 
@@ -45,9 +50,7 @@ Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard
 def token_password(token: str) -> str:
     """The part of a token that is the secret: the full form `K10<hash of the CA>::<user>:<password>` has more."""
     text = token.strip()
-    if FULL_TOKEN.match(text):
-        text = text.split("::", 1)[1].partition(":")[2]
-    return text
+    return text.split("::", 1)[1].partition(":")[2] if FULL_TOKEN.match(text) else text
 
 
 def token_verdict(given: str, kept: str, cluster: str) -> str:
@@ -83,11 +86,6 @@ def last_errors(journal: list[str], count: int) -> list[str]:
     return [line[:LONGEST_LINE] for line in (errors or journal)[-count:]]
 
 
-def properties(text: str) -> dict[str, str]:
-    """`systemctl show`'s lines as a mapping."""
-    return dict(line.partition("=")[::2] for line in text.splitlines() if "=" in line)
-
-
 def version_of(text: str) -> str:
     """`v1.34.2+k3s1` out of `k3s version v1.34.2+k3s1 (sha)`."""
     found = re.search(r"\bv\d+\.\d+\.\d+\S*", text)
@@ -118,12 +116,62 @@ def member_verdict(node: Object) -> Seen:
     return Seen(PASS, "etcd member has a vote")
 
 
+def sha256(path: Path) -> str:
+    """Empty where there is no file."""
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            for block in iter(lambda: file.read(BLOCK), b""):
+                digest.update(block)
+    except FileNotFoundError:
+        return ""
+    return digest.hexdigest()
+
+
+class Host:
+    """Reads of one machine's files; a file that is missing or unreadable reads as empty.
+
+    Every one is read below `root`, so that tests can hand in a recorded tree of another machine.
+    """
+
+    def __init__(self, root: str = "/") -> None:
+        self.root = Path(root)
+
+    def path(self, name: str) -> Path:
+        return self.root / name.lstrip("/")
+
+    def read(self, name: str) -> str:
+        try:
+            return self.path(name).read_bytes().decode("utf-8", "replace").replace("\0", "")
+        except OSError:
+            return ""
+
+    def exists(self, name: str) -> bool:
+        try:
+            return os.path.lexists(str(self.path(name)))
+        except OSError:
+            return False
+
+    def names(self, name: str) -> list[str]:
+        try:
+            return sorted(entry.name for entry in self.path(name).iterdir())
+        except OSError:
+            return []
+
+
 class K3sHost(Host):
     """Reads of one host's k3s."""
 
     def __init__(self, run: Run, root: str = "/") -> None:
         super().__init__(root)
         self.run = run
+
+    def must(self, *command: str, data: str | None = None) -> str:
+        """What a command printed; FleetError where it failed."""
+        code, out, err = self.run(list(command), data=data)
+        if code != 0:
+            raise FleetError(f"{' '.join(command)}: {(err or out).strip()}")
+        return str(out)
 
     def describe(self, name: str) -> dict[str, object]:
         """Digest, size and mode of a file; `exists: false` and empty values for one that is not there."""
@@ -147,7 +195,8 @@ class K3sHost(Host):
 
     def show(self, service: str) -> dict[str, str]:
         arguments = [argument for name in SHOWN for argument in ("-p", name)]
-        return properties(self.run(["systemctl", "show", service, *arguments])[1])
+        text = self.run(["systemctl", "show", service, *arguments])[1]
+        return dict(line.partition("=")[::2] for line in text.splitlines() if "=" in line)
 
     def stale(self, service: str, files: list[str]) -> bool:
         """Whether the running process was started with other files than those that are there now.
@@ -164,14 +213,12 @@ class K3sHost(Host):
             now.add(f"{name} {stat.st_ino} {stat.st_size} {stat.st_mtime_ns // 10**9}")
         return now != set(self.read(STARTED_WITH.format(service=service)).splitlines())
 
-    def journal(self, service: str, lines: int, since: float, secrets: Iterable[str]) -> str:
+    def journal(self, service: str, lines: int, since: float) -> str:
         """The last lines that say something is wrong; of a unit that says nothing of the kind, the last lines."""
+        secrets = [self.read(f"{CONFIG_DIR}/{name}") for name in ("token", "agent-token")]
         command = ["journalctl", "-u", service, "--since", f"@{int(since)}", "-n", "500", "-o", "cat", "--no-pager"]
         text = without_secrets(str(self.run(command)[1]), secrets)
         return "\n".join(last_errors(text.splitlines(), lines))
-
-    def secrets(self) -> list[str]:
-        return [self.read(f"{CONFIG_DIR}/{name}") for name in ("token", "agent-token")]
 
     def api(self, path: str) -> tuple[bool, str]:
         """GET below the local API server, with the administrator's certificate that k3s made."""

@@ -67,7 +67,7 @@ class K3sChange(K3sHost):
         try:
             record = self._keep([*coming, *going])
         except (FleetError, OSError):
-            self._systemctl("start", "--no-block", self.service)  # it may have been stopped for its database
+            self.must("systemctl", "start", "--no-block", self.service)  # it may have been stopped for its database
             raise
         for name in coming:
             self.path(name + NEXT).replace(self.path(name))
@@ -91,7 +91,7 @@ class K3sChange(K3sHost):
         if datastore and (became_etcd or _minor(record.version) != _minor(self.version())):
             kept = record.snapshot if self.path(record.snapshot).exists() else ""
         if kept:
-            self._systemctl("stop", self.service)
+            self.must("systemctl", "stop", self.service)
         for name, existed in record.files.items():
             if existed:
                 self._link(name + PREVIOUS, name + NEXT)
@@ -105,18 +105,16 @@ class K3sChange(K3sHost):
             self._start()
         return record
 
-    def prove(self, start: str = "") -> bool:
-        """What runs is proven: the next change keeps it. Whether that is news.
+    def prove(self, start: str = "") -> None:
+        """What runs is proven: the next change keeps it.
 
         `start` names the start of the unit that was proven; FleetError if there was another one since.
         """
         record = self.record()
-        if not record.unproven:
-            return False
-        if start and self.invocation() != start:
-            raise FleetError(f"{self.service} served, and has ended and started again since")
-        self._write(record._replace(unproven=False))
-        return True
+        if record.unproven:
+            if start and self.invocation() != start:
+                raise FleetError(f"{self.service} served, and has ended and started again since")
+            self._write(record._replace(unproven=False))
 
     # --- keeping ----------------------------------------------------------------------------------------------------
 
@@ -152,7 +150,7 @@ class K3sChange(K3sHost):
             return f"/{made.pop().relative_to(self.root)}"
         if self.path(SQLITE).exists():
             # only a database that nobody writes to is copied whole
-            self._systemctl("stop", self.service)
+            self.must("systemctl", "stop", self.service)
             shutil.rmtree(str(self.path(DATABASE_COPY)), ignore_errors=True)
             shutil.copytree(str(self.path(DATABASE)), str(self.path(DATABASE_COPY)))
             return DATABASE_COPY
@@ -194,27 +192,19 @@ class K3sChange(K3sHost):
 
     def _start(self) -> None:
         """Start it again. Returns when the process before is gone, which would still answer for the new one."""
-        self._systemctl("daemon-reload")
+        self.must("systemctl", "daemon-reload")
         before = self.invocation()
-        self._systemctl("restart", "--no-block", self.service)
-        ended = poll(
-            lambda: Seen(WAIT if self.invocation() == before else PASS),
-            STOP_TIMEOUT,
-            0.2,
-            now=self.now,
-            sleep=self.sleep,
-        )
-        if ended.verdict != PASS:
+        self.must("systemctl", "restart", "--no-block", self.service)
+
+        def end() -> Seen:
+            return Seen(WAIT if self.invocation() == before else PASS)
+
+        if poll(end, STOP_TIMEOUT, 0.2, now=self.now, sleep=self.sleep).verdict != PASS:
             raise FleetError(f"{self.service} did not stop within {STOP_TIMEOUT:g} s")
 
     def invocation(self) -> str:
         """systemd's name for this one start of the unit."""
         return str(self.run(["systemctl", "show", self.service, "-p", "InvocationID", "--value"])[1]).strip()
-
-    def _systemctl(self, *arguments: str) -> None:
-        code, out, err = self.run(["systemctl", *arguments])
-        if code != 0:
-            raise FleetError(f"systemctl {' '.join(arguments)}: {(err or out).strip()}")
 
     def _k3s(self, *arguments: str, otherwise: str) -> None:
         code, out, err = self.run([str(self.path(BINARY)), *arguments])

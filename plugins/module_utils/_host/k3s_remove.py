@@ -3,33 +3,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Take k3s off a host, in an order that leaves nothing running on what goes next.
 
-What belongs to k3s is decided in `k3s_leftovers`.
+The functions decide from text what of the processes, mounts, interfaces and firewall chains is k3s's own; nothing else
+may be touched, whatever else runs on the robot.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import time
 from pathlib import Path
-from typing import Any, Callable, Iterable
+from typing import Any, Callable, Iterable, NamedTuple
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .files import UNIT_DIRECTORY, Host
-from .k3s import BINARY, CONFIG_DIR, DATA_DIR, SERVICES, Run
-from .k3s_leftovers import (
-    OPERATORS_MOUNTS,
-    Process,
-    has_own_rules,
-    in_pods,
-    mounts_below,
-    own_interfaces,
-    own_mounts,
-    own_processes,
-    without_own_rules,
-)
+from .k3s import BINARY, CONFIG_DIR, DATA_DIR, SERVICES, UNIT_CGROUP, UNIT_DIRECTORY, K3sHost, Run
 
 UNITS = tuple(SERVICES.values())
 # the binary, the one before it, one that was to come
@@ -46,26 +36,91 @@ OURS = (
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
 # a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.
 PLACES = (
-    "/run/k3s",
-    "/run/flannel",
-    "/var/lib/kubelet",
-    "/var/lib/cni/flannel",
-    "/var/lib/cni/networks/cbr0",
-    "/var/log/pods",
-    "/var/log/containers",
-)
+    "/run/k3s", "/run/flannel", "/var/lib/kubelet", "/var/lib/cni/flannel", "/var/lib/cni/networks/cbr0",
+    "/var/log/pods", "/var/log/containers",
+)  # fmt: skip
 CNI_RESULTS = "/var/lib/cni/results"
 IDENTITY = "/etc/rancher/node"
 STOP_TIMEOUT = 30.0  # what a pod has to stop by itself if it says nothing
 END_TIMEOUT = 10.0
+# A pod's processes are children of a shim that serves k3s's own containerd; one of Docker has another socket.
+SHIM = re.compile(r"containerd-shim\S*\s.*-address\s+/run/k3s/containerd/")
+MOUNTS = re.compile(r"^(/run/k3s|/var/lib/rancher/k3s|/var/lib/kubelet|/run/netns/cni-)")
+OPERATORS_MOUNTS = ("/var/lib/rancher/k3s", "/var/lib/rancher/k3s/storage", "/var/lib/kubelet", "/run/k3s")
+INTERFACES = ("cni0", "flannel.1", "flannel-wg", "flannel-wg-v6", "flannel-v6.1", "kube-ipvs0", "kube-bridge")
+CHAINS = re.compile(r"\b(KUBE-|CNI-|FLANNEL-|flannel|cni0|kube-router)")
 
 
-class Remover(Host):
+class Process(NamedTuple):
+    """What /proc says about one."""
+
+    pid: int
+    parent: int
+    command: str
+    cgroup: str
+
+
+def own_processes(processes: Iterable[Process]) -> list[int]:
+    """What is left in the units' cgroups, the pods' shims and everything below them, children before parents."""
+    listed = sorted(processes, key=lambda process: process.pid)
+    children: dict[int, list[int]] = {}
+    for process in listed:
+        children.setdefault(process.parent, []).append(process.pid)
+    order: list[int] = []
+    stack = [process.pid for process in listed if _is_k3s(process)]
+    while stack:
+        pid = stack.pop()
+        if pid in order:
+            order.remove(pid)  # a child that was met by itself before: it goes before its parent
+        order.append(pid)
+        stack.extend(children.get(pid, []))
+    return order[::-1]
+
+
+def in_pods(processes: Iterable[Process]) -> list[int]:
+    """Of these the ones in containers: they get the time that a pod has to stop. A shim is nobody's to ask."""
+    listed = list(processes)
+    known = {process.pid: process for process in listed}
+    return [pid for pid in own_processes(listed) if not _is_k3s(known[pid])]
+
+
+def _is_k3s(process: Process) -> bool:
+    return bool(SHIM.search(process.command) or UNIT_CGROUP.search(process.cgroup))
+
+
+def own_mounts(mounts: str) -> list[str]:
+    """Mount points of k3s and its pods out of /proc/self/mounts, the innermost first."""
+    # what may have been mounted for k3s before it came stays: that is the operator's
+    found = [point for point in _points(mounts) if MOUNTS.match(point) and point not in OPERATORS_MOUNTS]
+    return sorted(found, key=lambda point: (point.count("/"), point), reverse=True)
+
+
+def own_interfaces(links: Iterable[tuple[str, str]]) -> list[str]:
+    """Interfaces to delete. `links`: (name, name of its bridge). A pod's end of a pair goes with its bridge cni0."""
+    names = [name for name, bridge in links if name in INTERFACES or (name.startswith("veth") and bridge == "cni0")]
+    return sorted(names, key=lambda name: (not name.startswith("veth"), name))
+
+
+def without_own_rules(saved: str) -> str:
+    """`iptables-save`'s output without Kubernetes' and CNI's chains and rules; everybody else's stay as they are."""
+    return "".join(line for line in saved.splitlines(keepends=True) if not CHAINS.search(line))
+
+
+def mounts_below(mounts: str, directory: str) -> list[str]:
+    """What is still mounted below a directory. Deleting would reach through it, into data that is elsewhere."""
+    return [point for point in _points(mounts) if point.startswith(directory.rstrip("/") + "/")]
+
+
+def _points(mounts: str) -> list[str]:
+    return [line.split()[1].replace("\\040", " ") for line in mounts.splitlines() if len(line.split()) > 1]
+
+
+class Remover(K3sHost):
     """Every step returns what it found; with `dry` that is all it does."""
 
     def __init__(self, run: Run, find: Callable[[str], str | None], dry: bool, root: str = "/") -> None:
-        super().__init__(root)
-        self.run, self.find, self.dry = run, find, dry
+        super().__init__(run, root)
+        self.find, self.dry = find, dry
         self.kill: Callable[[int, int], None] = os.kill
         self.now, self.sleep = time.monotonic, time.sleep
 
@@ -82,12 +137,6 @@ class Remover(Host):
         if removed["units"] and not self.dry:
             self.must("systemctl", "daemon-reload")
         return removed
-
-    def must(self, *command: str, data: str | None = None) -> str:
-        code, out, err = self.run(list(command), data=data)
-        if code != 0:
-            raise FleetError(f"{' '.join(command)}: {(err or out).strip()}")
-        return str(out)
 
     def units(self) -> list[str]:
         """Stop and delete the units: nothing may start a pod again."""
@@ -171,11 +220,12 @@ class Remover(Host):
             if not save:
                 continue  # k3s then used its own copy of the tools, and the rules end with the next boot
             code, rules, _err = self.run([save])
-            if code != 0 or not has_own_rules(rules):
+            others = without_own_rules(rules)
+            if code != 0 or others == rules:
                 continue
             found.append(family)
             if not self.dry:
-                self.must(f"{save[: -len('-save')]}-restore", data=without_own_rules(rules))
+                self.must(f"{save[: -len('-save')]}-restore", data=others)
         return found
 
     def paths(self, volumes: bool, identity: bool, installed: bool) -> list[str]:

@@ -16,11 +16,21 @@ from ansible.utils.display import Display
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import KUBECONFIG
-from .._kube.access import AUTH_ARG_SPEC, NoClusterError, ServersAwayError, access_from, given_options
+from .._kube.access import (
+    AUTH_ARG_SPEC,
+    IDENTITY,
+    Identity,
+    NoClusterError,
+    ServersAwayError,
+    WrongClusterError,
+    access_from,
+    given_options,
+    identity_in,
+    to_be_adopted,
+)
 from .._kube.applied import Applied, diff_of
 from .._kube.client import Kube, ref_of
 from .._kube.connection import PATIENCE, ApiError
-from .._kube.identity import REF, Identity, WrongClusterError, identity_in, to_be_adopted
 from .._model.fleet import UNNAMED, Home, home_from_vars, home_of
 from .._model.host_variables import HostVariables
 from .access import Fetch, Way, first_time, given_way
@@ -115,7 +125,7 @@ class ClusterAction(FleetAction):
                     "and run the stage node of rosops.fleet.site once without this access."
                 )
             wanted = Identity(home.fleet or UNNAMED, home.part.cluster)
-            if to_be_adopted(identity_in(kube.get(REF)), wanted, way.own, where):
+            if to_be_adopted(identity_in(kube.get(IDENTITY)), wanted, way.own, where):
                 self.adoption = wanted
         except BaseException:
             kube.close()

@@ -1,34 +1,33 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bring images to one node: look, copy, import, pull, verify. A node that has everything costs one command.
+"""Bring images to one node: look, plan, copy, import, pull, verify. A node that has everything costs one command.
 
 The host is handed in, so this knows neither SSH nor Ansible.
 """
 
 from __future__ import annotations
 
+import base64
+import re
 import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError, SpecError
 from ...module_utils._host.k3s import BINARY
-from .archive import Image, normal_ref
-from .logins import auths
-from .look import LOOK, Present, present
-from .pins import LABEL, pins
-from .plan import ImagePlan, images_plan, images_problems
-from .thin import thin_archive
+from .._model.machines import architecture_of
+from .archive import Image, archive_images, local_path, normal_ref, thin_archive
+from .look import LABEL, LOOK, Present, pins, present
 
 # On the disk that holds the images anyway.
 DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
 NOT_FOUND = 127  # the shell's exit status for a command that is not there
-
+HUB = ("docker.io", "index.docker.io", "registry-1.docker.io")  # its names
 # crictl takes them from its environment, too
 PULL_AS = 'IFS= read -r CRICTL_AUTH && export CRICTL_AUTH && exec "$0" crictl pull "$1"'
 
@@ -48,12 +47,25 @@ class NodeHost(Protocol):
 
 
 @dataclass(frozen=True)
+class ImagePlan:
+    """What must be there in the end, name to ID, and what is to be done for it.
+
+    A pulled image's ID is not known beforehand and is empty. `bring` are archives, each with the images that are
+    lacking of it, `pull` names that no archive holds.
+    """
+
+    wanted: Mapping[str, str]
+    bring: Mapping[str, Sequence[Image]]
+    pull: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Brought:
     """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
 
     `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
     would pull has an empty ID in `after`. `present` are all that the node has now, `pins` those whose pin is
-    another one now (`pins.pins`).
+    another one now (`look.pins`).
     """
 
     imported: tuple[str, ...] = ()
@@ -87,17 +99,13 @@ class NodeImages:
 
     def present(self, without_k3s: bool = False) -> Present:
         """What the node has; with `without_k3s`, a host on which k3s is not installed yet has no images."""
-        result = self.host.module("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LOOK]})
+        result = self._command("/bin/sh", "-c", LOOK)
         if result.get("failed") and not (without_k3s and result.get("rc") == NOT_FOUND):
             raise ImagesError(f"the node's images cannot be listed: {_reason(result)}")
         return present(str(result.get("stdout", "")))
 
     def bring(
-        self,
-        archives: Iterable[Arguments],
-        names: Iterable[str],
-        check: bool = False,
-        keep: Iterable[str] = (),
+        self, archives: Iterable[Arguments], names: Iterable[str], check: bool = False, keep: Iterable[str] = ()
     ) -> Brought:
         """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks. What of
         `keep` an earlier run pinned stays pinned.
@@ -123,15 +131,18 @@ class NodeImages:
         changes = pins(plan.wanted, after, map(normal_ref, keep))
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
-            self._run("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LABEL, BINARY, *pairs]})
+            _require(self._command("/bin/sh", "-c", LABEL, BINARY, *pairs), f"images not pinned: {' '.join(pairs)}")
         before, now = ({ref: one.images[ref] for ref in plan.wanted if ref in one.images} for one in (there, after))
         problems = tuple(images_problems(plan.wanted, after.images))
-        return Brought(plan.bring, plan.pull, problems, before, now, after.images, changes)
+        return Brought(tuple(plan.bring), tuple(plan.pull), problems, before, now, after.images, changes)
 
     def _change(self, plan: ImagePlan, there: Present) -> Present:
         """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
-        needed = {path: self._import(path, plan.lacks[path], there) for path in plan.bring}
-        self._pull(plan)
+        needed = {path: self._import(path, images, there) for path, images in plan.bring.items()}
+        archived = ", ".join(sorted(ref for ref, digest in plan.wanted.items() if digest))
+        for name in plan.pull:
+            more = f"; no archive in images_archives has it, only {archived}" if archived else ""
+            _require(self._pull(name), f"{BINARY} crictl pull {name}", more)
         after = self.present()
         again = [path for path, digests in needed.items() if not digests <= after.blobs]
         for path in again:
@@ -155,33 +166,22 @@ class NodeImages:
     def _load(self, path: str, file: Path) -> Result:
         """Copy and import a file. Never more than one lies on the node beside the images that come out of it."""
         place, sizes = self._place(path), [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
-        self._run("ansible.builtin.file", {"path": DIRECTORY, "state": "directory", "mode": "0700"})
+        self._file(DIRECTORY, state="directory", mode="0700")
         self.say(f"copying {' of '.join(dict.fromkeys(sizes))}: {path}")
         _require(self.host.copy(str(file), place, self.rate_limit), f"{path} could not be copied")
         self.say(f"importing {path}")
-        argv = [BINARY, "ctr", "--namespace", "k8s.io", "images", "import", place]
         try:
-            return self.host.module("ansible.builtin.command", {"argv": argv})
+            return self._command(BINARY, "ctr", "--namespace", "k8s.io", "images", "import", place)
         finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
-            self._run("ansible.builtin.file", {"path": place, "state": "absent"})
+            self._file(place, state="absent")
 
-    def _pull(self, plan: ImagePlan) -> None:
-        for name in plan.pull:
-            self.say(f"pulling {name}")
-            if found := auths(name, self.logins):
-                result = self._pull_as(name, found)
-            else:
-                result = self.host.module("ansible.builtin.command", {"argv": [BINARY, "crictl", "pull", name]})
-            held = ", ".join(plan.archived)
-            more = f"; no archive in images_archives has it, only {held}" if held else ""
-            _require(result, f"{BINARY} crictl pull {name}", more)
-
-    def _pull_as(self, name: str, found: Sequence[str]) -> Result:
+    def _pull(self, name: str) -> Result:
         """With each of the credentials, until one will do. They go by standard input: command lines are seen by all."""
-        result: Result = {}
-        for auth in found:
-            args = {"argv": ["/bin/sh", "-c", PULL_AS, BINARY, name], "stdin": auth}
-            result = self.host.module("ansible.builtin.command", args, secret=True)
+        self.say(f"pulling {name}")
+        known = auths(name, self.logins)
+        result = {} if known else self._command(BINARY, "crictl", "pull", name)
+        for auth in known:
+            result = self._command("/bin/sh", "-c", PULL_AS, BINARY, name, stdin=auth)
             if not result.get("failed"):
                 break
         return result
@@ -190,14 +190,14 @@ class NodeImages:
         """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
         return f"{DIRECTORY}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
 
-    def _run(self, name: str, args: Arguments) -> None:
-        what = " ".join(args["argv"]) if "argv" in args else str(args["path"])
-        _require(self.host.module(name, args), what)
+    def _file(self, path: str, **wanted: str) -> None:
+        _require(self.host.module("ansible.builtin.file", {"path": path, **wanted}), path)
 
-
-def local_path(path: Any) -> str:
-    """A path on the control node, absolute."""
-    return str(Path(str(path)).expanduser().absolute())
+    def _command(self, *argv: str, stdin: str = "") -> Result:
+        """Run it; what it gets on its standard input is a secret."""
+        if stdin:
+            return self.host.module("ansible.builtin.command", {"argv": [*argv], "stdin": stdin}, secret=True)
+        return self.host.module("ansible.builtin.command", {"argv": [*argv]})
 
 
 def _require(result: Result, what: str, more: str = "") -> None:
@@ -207,3 +207,68 @@ def _require(result: Result, what: str, more: str = "") -> None:
 
 def _reason(result: Result) -> str:
     return str(result.get("stderr") or result.get("msg") or "no reason given").strip()
+
+
+# --- what is to be done -----------------------------------------------------------------------------------------------
+
+
+def images_plan(archives: Iterable[Arguments], names: Iterable[str], present: Present) -> ImagePlan:
+    """What a node lacks: a whole archive if one of its images is missing, and names that no archive holds.
+
+    An archive is `{path, images}`, where `images` names those that count; none means all.
+    """
+    wanted: dict[str, str] = {}
+    bring: dict[str, Sequence[Image]] = {}
+    for archive in archives:
+        path = str(archive["path"])
+        images = _chosen(archive, archive_images(path, present.machine))
+        wrong = sorted({image.architecture for image in images} - {architecture_of(present.machine), ""})
+        if wrong:
+            raise SpecError(f"{path} holds images for {', '.join(wrong)}, but the host is {present.machine}")
+        wanted.update({image.ref: image.id for image in images})
+        if missing := [image for image in images if present.images.get(image.ref) != image.id]:
+            bring[path] = missing
+    refs = list(dict.fromkeys(normal_ref(name) for name in names))
+    pull = [ref for ref in refs if ref not in present.images and ref not in wanted]
+    return ImagePlan({**dict.fromkeys(refs, ""), **wanted}, bring, pull)
+
+
+def _chosen(archive: Arguments, images: list[Image]) -> list[Image]:
+    """All of the archive's images, or those that are named."""
+    names = [normal_ref(ref) for ref in archive.get("images") or []]
+    missing = sorted(set(names) - {image.ref for image in images})
+    if missing:
+        held = ", ".join(image.ref for image in images)
+        raise SpecError(f"{archive['path']} does not hold {', '.join(missing)}, only {held}")
+    return [image for image in images if image.ref in names] if names else images
+
+
+def images_problems(wanted: Mapping[str, str], present: Mapping[str, str]) -> list[str]:
+    """What is still wrong on the node once all was brought, a line each; both are name to ID."""
+    return [
+        f"{ref} is not there" if ref not in present else f"{ref} has the ID {present[ref]}, not {digest}"
+        for ref, digest in sorted(wanted.items())
+        if ref not in present or (digest and present[ref] != digest)
+    ]
+
+
+def auths(image: str, logins: Iterable[Variables]) -> list[str]:
+    """`user:password` in base64, for each of the logins (`{registry, username, password}`) to the image's registry.
+
+    As the kubelet takes them from pull secrets. Items without `registry` name Secrets that somebody else keeps: only
+    the cluster knows what is in them.
+    """
+    place = _place(normal_ref(image))
+    found = [
+        base64.b64encode(f"{login['username']}:{login['password']}".encode()).decode()
+        for login in logins
+        if login.get("registry") and f"{place}/".startswith(f"{_place(str(login['registry']))}/")
+    ]
+    return list(dict.fromkeys(found))
+
+
+def _place(address: str) -> str:
+    """Host and path, without scheme and API version; the Hub has several names."""
+    host, slash, path = re.sub(r"^https?://", "", address).rstrip("/").partition("/")
+    path = re.sub(r"^v[12]$", "", path)
+    return f"{HUB[0] if host in HUB else host}{slash if path else ''}{path}"

@@ -1,16 +1,24 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is to be done about k3s on a host: what k3s_info found there against what should be. Pure; control node."""
+"""What is to be done about k3s on a host, and what forbids it: what k3s_info found there against what should be. Pure.
+
+Kubernetes takes one minor version after the other and no way back: the datastore is written in the newer one's form. A
+kubelet must not be newer than the API that it talks to.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from ...module_utils._common.documents import Result
+from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.poll import WAIT
 from ...module_utils._host.k3s import BINARY
+from .._model.k3s_defaults import CGROUP_V2_FROM
+from .._model.machines import MACHINES
+from .._model.versions import version as parsed
 from .source import Artifacts
 from .wanted import HostFile, Wanted
 
@@ -85,3 +93,99 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
 def old_archives(now: Result, source: Artifacts) -> list[str]:
     """Archives of images of earlier versions."""
     return sorted(name for name in now["images"] if ARCHIVE.match(name) and name != source.archive_name)
+
+
+# --- what forbids it --------------------------------------------------------------------------------------------------
+
+
+def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
+    """Sentences; `now` is what k3s_info found."""
+    role, servers, tokens = variables["k3s_role"], variables["k3s_server_hosts"], now["tokens"]
+    cluster = f"the cluster {variables['k3s_cluster']} runs with"
+    if tokens["server"] == "differs":
+        yield (
+            f"k3s_token is not the token that {cluster}: with another one its servers do not start, for they keep the "
+            "cluster's own keys in the datastore under it. Take k3s_token out of the inventory to keep it."
+        )
+    if tokens["agent"] == "differs":
+        yield (
+            f"k3s_agent_token is not the agents' token that {cluster}; agents that are off now would be locked out. "
+            "Take k3s_agent_token out of the inventory to keep it."
+        )
+    if "lost" in tokens.values():
+        yield (
+            "The host holds a cluster's datastore (/var/lib/rancher/k3s/server), but not that cluster's tokens in "
+            "/etc/rancher/k3s. Set k3s_token and k3s_agent_token to the cluster's, or run reset.yml for this host."
+        )
+    if now["other_service"]:
+        other = "agent" if role == "server" else "server"
+        yield f"It is a k3s {other} and is to become a {role}. Run reset.yml for this host first."
+    if (host in servers) != (role == "server"):
+        yield f"k3s_role is {role}, but k3s_server_hosts is {', '.join(servers)}."
+    if variables["k3s_install_source"] == "airgap" and not variables["k3s_airgap_dir"]:
+        yield "The install source airgap needs k3s_airgap_dir."
+    # what an airgap directory holds is known when it is on the host
+    wanted = variables["k3s_version"] if variables["k3s_install_source"] == "release" else ""
+    back_to = now["change"]["version"] if now["change"]["unproven"] else ""
+    if step := refusal(now["version"], wanted, back_to=back_to, cgroup_refused=now["cgroup_refused"]):
+        yield step
+    if now["machine"] not in MACHINES:
+        yield f"There is no k3s for the architecture {now['machine']}."
+
+
+def unheard_refusal(seen: Result, plan: Result, variables: Variables) -> str:
+    """Why a k3s that was waited for is left as it is, or nothing.
+
+    `seen` is what k3s_ready found. A unit that keeps ending is down, and what nobody has proven is to be taken back.
+    """
+    if seen["verdict"] != WAIT or plan["unproven"] or variables["update_on_busy"] == "force":
+        return ""
+    return (
+        f"Its k3s is up and does not serve: {seen['observed']}, for {seen['elapsed']:.0f} s (k3s_start_timeout). What "
+        "it has started may well be at work, and cannot be asked. Mend it and run again, or stop it on the host "
+        "(systemctl stop) where nothing is at work; update_on_busy=force changes it as it is."
+    )
+
+
+def refusal(
+    installed: str, wanted: str, servers: Sequence[str] = (), back_to: str = "", cgroup_refused: bool = False
+) -> str:
+    """Why a host does not go from one version to the other; empty where it may.
+
+    `installed` is empty where there is no k3s, `wanted` where it is not known beforehand. `servers` are the versions of
+    the servers that the host is an agent of. `back_to` is the version that an unproven change replaced: it may always
+    come back. `cgroup_refused` is what k3s_info says of the host.
+    """
+    old, new = parsed(installed), parsed(wanted)
+    if new is None:
+        return ""
+    if old and wanted != back_to and old.newer_than(new):
+        return (
+            f"k3s {wanted} is older than {installed}, which runs there: its datastore and Node are of the newer one. "
+            f"Set k3s_version to {installed} or newer (k3s_airgap_dir likewise); the way back to an older one is a "
+            "snapshot, see the role k3s."
+        )
+    if old and wanted != back_to and new.minor[0] == old.minor[0] and new.minor[1] - old.minor[1] > 1:
+        return (
+            f"From k3s {installed} to {wanted} a minor version is skipped, which Kubernetes does not support. "
+            f"Go to a version v{old.minor[0]}.{old.minor[1] + 1}.x first."
+        )
+    if older := [text for text in servers if (known := parsed(text)) and new.newer_than(known)]:
+        return (
+            f"k3s {wanted} is newer than its cluster's servers ({', '.join(dict.fromkeys(older))}); an agent must not "
+            "be. Bring the servers to that version first: rosops.fleet.site without --limit."
+        )
+    # what runs there with cgroup v1 has somebody who saw to that
+    if cgroup_refused and new.minor >= CGROUP_V2_FROM and not (old and old.minor >= CGROUP_V2_FROM):
+        return (
+            f"k3s {wanted} does not start on this host, which has cgroup v1: from 1.35 on the kubelet wants v2. Boot "
+            "it with systemd.unified_cgroup_hierarchy=1 on the kernel's command line, or allow v1 (the role k3s says "
+            "how)."
+        )
+    return ""
+
+
+def restarts_pods(installed: str, wanted: str) -> bool:
+    """Whether the kubelet of another minor version may start all containers again, as that of 1.31 did."""
+    old, new = parsed(installed), parsed(wanted)
+    return old is not None and new is not None and old.minor != new.minor

@@ -1,22 +1,29 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where k3s's binary and archive of images come from: the project's releases, or a directory of the control node."""
+"""Where k3s's binary and archive of images come from: the project's releases, or a directory of the control node.
+
+And its tokens: a server of the cluster, or the inventory.
+"""
 
 from __future__ import annotations
 
+import base64
 import re
+import secrets
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import NamedTuple
+from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
-from ...module_utils._common.documents import Variables
+from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.errors import SpecError
+from ...module_utils._host.k3s import token_verdict
 from .._model.machines import MACHINES
 
 SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$")
 ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
+VARIABLES = {"token": "k3s_token", "agent-token": "k3s_agent_token"}
 
 
 @dataclass(frozen=True)
@@ -51,47 +58,55 @@ def source(variables: Variables, machine: str) -> Artifacts:
 
 
 def _airgap(directory: str, machine: str) -> Artifacts:
-    base = Path(directory).expanduser()
+    """What the directory has for a machine by its SHA256SUMS; of several packings of the images the smallest."""
+    base, known = Path(directory).expanduser(), MACHINES[machine]
+    binary = f"k3s{known.suffix}"
+    archives = [f"k3s-airgap-images-{known.architecture}{ending}" for ending in ARCHIVE_ENDINGS]
     try:
-        binary, images = airgap_files((base / "SHA256SUMS").read_text(encoding="utf-8"), machine)
-        (base / binary.name).stat()
-        size = (base / images.name).stat().st_size if images else 0
+        sums = _sums((base / "SHA256SUMS").read_text(encoding="utf-8"))
+        if binary not in sums:
+            raise SpecError(f"SHA256SUMS has no line for {binary}, which hosts of {machine} need")
+        (base / binary).stat()
+        images = next((name for name in archives if name in sums), "")
+        size = (base / images).stat().st_size if images else 0
     except OSError as error:
         raise SpecError(f"k3s_airgap_dir {base}: {error.filename} cannot be read: {error.strerror}") from error
-    found = Artifacts(sha256=binary.sha256, path=str(base / binary.name))
-    if images is None:
+    found = Artifacts(sha256=sums[binary], path=str(base / binary))
+    if not images:
         return found
-    return replace(
-        found,
-        archive_name=images.name.replace(".tar", f"-{images.sha256[:12]}.tar"),
-        archive_path=str(base / images.name),
-        archive_sha256=images.sha256,
-        archive_size=size,
-    )
+    name, path, digest = images.replace(".tar", f"-{sums[images][:12]}.tar"), str(base / images), sums[images]
+    return replace(found, archive_name=name, archive_path=path, archive_sha256=digest, archive_size=size)
 
 
-class Summed(NamedTuple):
-    """A file of SHA256SUMS."""
-
-    name: str
-    sha256: str
-
-
-def airgap_files(manifest: str, machine: str) -> tuple[Summed, Summed | None]:
-    """Binary and archive of images for a machine out of the text of SHA256SUMS; of several packings the smallest."""
+def _sums(manifest: str) -> dict[str, str]:
+    """File to SHA-256, out of what sha256sum wrote."""
     sums: dict[str, str] = {}
     for number, line in enumerate(manifest.splitlines(), start=1):
-        found = SUM_LINE.match(line.strip())
-        if found:
+        if found := SUM_LINE.match(line.strip()):
             sums[found.group(2)] = found.group(1)
         elif line.strip():
             raise SpecError(f"SHA256SUMS, line {number}, is no line of sha256sum: {line.strip()[:80]!r}")
-    known = MACHINES.get(machine)
-    if known is None:
-        raise SpecError(f"there is no k3s for the architecture {machine}")
-    binary = f"k3s{known.suffix}"
-    if binary not in sums:
-        raise SpecError(f"SHA256SUMS has no line for {binary}, which hosts of {machine} need")
-    archives = [f"k3s-airgap-images-{known.architecture}{ending}" for ending in ARCHIVE_ENDINGS]
-    images = next((Summed(name, sums[name]) for name in archives if name in sums), None)
-    return Summed(binary, sums[binary]), images
+    return sums
+
+
+def tokens_to_keep(names: Iterable[str], read: Sequence[Result], variables: Variables) -> dict[str, str]:
+    """Name of a token's file to its text: what the first server hands out, else the inventory's, else a new one.
+
+    `read` is what slurp returned for each file of the servers that could be asked, in their order; empty on the first
+    server itself. The full form of a token (K10...) lets a member check that it talks to the right cluster before it
+    says a word. SpecError where the inventory's is not the cluster's.
+    """
+    joined = {
+        PurePosixPath(file["source"]).name: base64.b64decode(file["content"]).decode().strip()
+        for file in reversed(read)
+        if "content" in file
+    }
+    wrong = [
+        VARIABLES[name]
+        for name, text in joined.items()
+        if variables[VARIABLES[name]] and token_verdict(variables[VARIABLES[name]], text, "") != "same"
+    ]
+    if wrong:
+        cluster = variables["k3s_cluster"]
+        raise SpecError(f"{', '.join(wrong)} is not the one that the cluster {cluster} runs with; nothing was changed.")
+    return {name: joined.get(name) or variables[VARIABLES[name]] or secrets.token_hex(24) for name in names}

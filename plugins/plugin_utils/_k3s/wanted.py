@@ -5,23 +5,52 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
 from ...module_utils._common.documents import Result, Variables
-from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
+from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES, STARTED_WITH, UNIT_DIRECTORY
 from .._model.addresses import address
-from .unit import HEADER, environment_text, unit_text
 
+HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
 # the arguments of its parts may hold more.
 SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|s3-proxy|access-key|(^|-)(auth|token)$")
 API_PORT = 6443
 SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@")
+# A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.
+WEIGHTS = {"agent": "10", "server": ""}
+UNIT = """[Unit]
+Description=k3s {role}
+Documentation=https://docs.k3s.io
+Wants=network-online.target
+After=network-online.target
+
+[Service]
+Type=notify
+EnvironmentFile=-/etc/rancher/k3s/environment
+ExecStartPre=-/sbin/modprobe br_netfilter
+ExecStartPre=-/sbin/modprobe overlay
+# What this start reads, for the role to see whether a restart is due.
+ExecStartPre=-/bin/sh -c 'stat -c "%%n %%i %%s %%Y" {started_with} >{record} 2>/dev/null'
+ExecStart={binary} {role}
+# Pods outlive a restart of k3s, and have cgroups of their own.
+KillMode=process
+Delegate=yes
+{limits}
+# A robot that boots without its server's network goes on trying; the role has a time limit of its own.
+TimeoutStartSec=0
+Restart=always
+RestartSec=5s
+
+[Install]
+WantedBy=multi-user.target
+"""
 
 
 @dataclass(frozen=True)
@@ -73,6 +102,7 @@ def wanted(
     SpecError where a server is no host.
     """
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
+    service = SERVICES[role]
     init = role == "server" and servers[:1] == [host]
     url = joins or server_url(variables, servers[0], hostvars)
     # A server that stays alone has SQLite: etcd syncs each write, which wears SD cards out. k3s takes what is in SQLite
@@ -81,33 +111,23 @@ def wanted(
     if init:
         joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
-    service = SERVICES[role]
-    config_file, unit, registries, environment = (
-        f"{CONFIG_DIR}/config.yaml",
-        f"/etc/systemd/system/{service}.service",
-        f"{CONFIG_DIR}/registries.yaml",
-        f"{CONFIG_DIR}/environment",
+    unit = f"{UNIT_DIRECTORY}/{service}.service"
+    config_file, registries, environment = (
+        f"{CONFIG_DIR}/{name}" for name in ("config.yaml", "registries.yaml", "environment")
     )
-    tokens = (*(("token",) if role == "server" else ()), "agent-token")
+    tokens = ("token", "agent-token") if role == "server" else ("agent-token",)
     token_files = [f"{CONFIG_DIR}/{name}" for name in tokens]
     started_with = (config_file, unit, registries, environment, *token_files, BINARY)
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
-    path = variables["k3s_kubeconfig_path"]
-    return Wanted(
-        role=role,
-        service=service,
-        init=init,
-        url=url,
-        files=(
-            HostFile(config_file, _yaml(config), "0600", secret),
-            HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
-            HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
-            HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
-        ),
-        tokens=tokens,
-        started_with=started_with,
-        kubeconfig=str(Path(path).expanduser()) if init and path else "",
+    files = (
+        HostFile(config_file, _yaml(config), "0600", secret),
+        HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
+        HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
+        HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
     )
+    path = variables["k3s_kubeconfig_path"]
+    kubeconfig = str(Path(path).expanduser()) if init and path else ""
+    return Wanted(role, service, init, url, files, tokens, started_with, kubeconfig)
 
 
 def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:
@@ -115,12 +135,8 @@ def _config(variables: Variables, joining: Mapping[str, object], own_address: st
     config: dict[str, object] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
     if variables["k3s_role"] == "server":
         # without the brackets that it has in a URL: the certificate is to be for an address, not for a name
-        names = [
-            own_address.strip("[]"),
-            variables["k3s_node_name"],
-            variables["k3s_api_endpoint"],
-            *variables["k3s_tls_sans"],
-        ]
+        names = [own_address.strip("[]"), variables["k3s_node_name"], variables["k3s_api_endpoint"]]
+        names += variables["k3s_tls_sans"]
         config |= {
             "write-kubeconfig-mode": "0600",
             "disable": ["traefik", "servicelb"],
@@ -133,3 +149,27 @@ def _config(variables: Variables, joining: Mapping[str, object], own_address: st
 
 def _yaml(value: Mapping[str, object]) -> str:
     return HEADER + yaml.safe_dump(value, allow_unicode=True, default_flow_style=False) if value else ""
+
+
+def unit_text(role: str, service: str, started_with: Sequence[str], variables: Variables) -> str:
+    """The unit; `started_with` are the files whose state it records when it starts."""
+    weight = WEIGHTS[role] if variables["k3s_cpu_weight"] == "auto" else variables["k3s_cpu_weight"]
+    limits = {
+        # in system.slice it would be a weight against other services, and not against pods, which are beside that
+        "Slice": "-.slice" if weight else "",
+        "CPUWeight": weight,
+        # as k3s' own unit has them
+        "LimitNOFILE": "1048576",
+        "LimitNPROC": "infinity",
+        "LimitCORE": "infinity",
+        "TasksMax": "infinity",
+    }
+    lines = "\n".join(f"{name}={value}" for name, value in limits.items() if value != "")
+    read, record = " ".join(started_with), STARTED_WITH.format(service=service)
+    return HEADER + UNIT.format(role=role, started_with=read, record=record, binary=BINARY, limits=lines)
+
+
+def environment_text(environment: Variables) -> str:
+    """The unit's environment; empty if there is none. systemd reads a value as C does, which JSON's quotes are."""
+    lines = (f"{name}={json.dumps(str(environment[name]))}\n" for name in sorted(environment, key=str.lower))
+    return HEADER + "".join(lines) if environment else ""

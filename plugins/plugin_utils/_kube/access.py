@@ -1,10 +1,14 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which cluster, and with what credentials: kubernetes.core's options and K8S_AUTH_* variables, worked out by its code.
+"""Which cluster, with what credentials, and whose it is.
 
-`get_api_client` itself is no use here: it asks the server for its version and its resource types at once, with no
-limit of time, so that one robot that is off would hold up the run for minutes. The steps before that are taken from it.
+Kubernetes.core's options and K8S_AUTH_* variables are worked out by its own code. `get_api_client` itself is no use
+here: it asks the server for its version and its resource types at once, with no limit of time, so that one robot that
+is off would hold up the run for minutes. The steps before that are taken from it.
+
+A ConfigMap in kube-system says whose a cluster is, and a run compares it before it believes anything. Two inventories
+may well have hosts, robots and clusters of the same names, so only the fleet's own name tells their clusters apart.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ import contextlib
 import os
 import traceback
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +25,11 @@ from ansible_collections.kubernetes.core.plugins.module_utils.args_common import
 
 from ...module_utils._common.documents import Arguments, Result
 from ...module_utils._common.errors import KubeError
+from ...module_utils._step.objects import Object
+from .._model import names
+from .._model.fleet import UNNAMED
 from .._upstream import kubernetes_core
+from .cache import Ref
 
 try:
     from kubernetes import config as kube_config
@@ -33,6 +41,7 @@ except ImportError:
     IMPORT_ERROR = traceback.format_exc()
 
 __all__ = ["AUTH_ARG_SPEC", "Access", "NoClusterError", "ServersAwayError", "access_from", "forget_key_files"]
+IDENTITY = Ref("ConfigMap", "rosops-fleet", "kube-system", "v1")
 
 
 class NoClusterError(KubeError):
@@ -41,6 +50,10 @@ class NoClusterError(KubeError):
 
 class ServersAwayError(KubeError):
     """No server of the cluster can be reached over SSH, so there is no access to it."""
+
+
+class WrongClusterError(KubeError):
+    """The access leads to a cluster that is not the inventory's, or to one that cannot be told to be."""
 
 
 @dataclass(frozen=True)
@@ -128,3 +141,57 @@ def _source(auth: Arguments) -> str:
 def forget_key_files() -> None:
     """Remove the files that the client made of a kubeconfig's inline keys."""
     kubernetes_core.remove_key_files(kube_config)
+
+
+# --- whose it is ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Identity:
+    """The fleet's name (`fleet_name`) and the cluster's within it."""
+
+    fleet: str
+    cluster: str
+
+    def __str__(self) -> str:
+        return f"the cluster {self.cluster} of the fleet {self.fleet}"
+
+    def as_object(self) -> Object:
+        """The ConfigMap that says it."""
+        ref, labels, data = IDENTITY, {"app.kubernetes.io/managed-by": names.MANAGER}, asdict(self)
+        metadata = {"name": ref.name, "namespace": ref.namespace, "labels": labels}
+        return {"apiVersion": ref.api_version, "kind": ref.kind, "metadata": metadata, "data": data}
+
+
+def identity_in(found: Object | None) -> Identity | None:
+    """What a cluster's ConfigMap says; nothing where it has none."""
+    data = (found or {}).get("data") or {}
+    return Identity(str(data.get("fleet")), str(data.get("cluster"))) if {"fleet", "cluster"} <= set(data) else None
+
+
+def to_be_adopted(found: Identity | None, wanted: Identity, own: bool, where: str) -> bool:
+    """Whether the cluster is ours and does not say so yet; WrongClusterError where it is not known to be ours.
+
+    `own`: the access was fetched from the cluster's own server. That proves a cluster which has no identity yet, or
+    that of a fleet without a name, to be the inventory's; it does not prove that a host was not given to another fleet.
+    `where` names the API and whence the access to it is.
+    """
+    if found == wanted:
+        return False
+    if own and found in (None, Identity(UNNAMED, wanted.cluster)):
+        return True
+    if found is None:
+        raise WrongClusterError(
+            f"{where} leads to a cluster that carries no fleet's identity; the inventory's is {wanted}. Nothing was "
+            "read or changed. If it is that one, run the stage node of rosops.fleet.site once without this access: the "
+            "run then fetches its access from the cluster's own server, and writes the identity."
+        )
+    raise WrongClusterError(
+        f"{where} leads to {found}; the inventory's is {wanted}. Nothing was read or changed. "
+        + (
+            f"If hosts or names have changed on purpose, delete the {IDENTITY} there (k3s kubectl on the server), and "
+            "run rosops.fleet.site."
+            if own
+            else "Take that access away, or use the other inventory."
+        )
+    )

@@ -1,12 +1,23 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a write did to an object: before and after as the API server tells them, in a form that may be shown. Pure."""
+"""What a write did to an object, and what of it may be shown; who set which of its fields. Pure.
+
+Server-side apply keeps the set of fields of every manager in metadata.managedFields (format FieldsV1, described in
+Kubernetes' "Server-Side Apply" reference): `f:<name>` is a field, `k:<keys as JSON>` an entry of a list of mappings,
+`v:<value as JSON>` a member of a set, `.` the thing itself. Applying exactly that part again changes nothing and owns
+nothing that was not owned before, which a copy of the whole object with its defaults would.
+
+Nobody owns what the API server fills in by itself. So what somebody else owns of a spec that is ours alone, and we do
+not name, was put there by hand. What we do name is compared by its value, whoever owns it (an autoscaler, for one).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ...module_utils._common.documents import Result
 from ...module_utils._step.objects import Object
@@ -15,7 +26,10 @@ from .cache import Ref
 
 # What the API server keeps for itself, and what the cluster answers, are no part of what was asked for.
 BOOKKEEPING = ("managedFields", "resourceVersion", "generation", "uid", "creationTimestamp", "selfLink")
-LAST_APPLIED = "kubectl.kubernetes.io/last-applied-configuration"  # a copy of a Secret, in the clear
+IDENTITY = ("name", "namespace")
+Fields = dict[str, Any]  # FieldsV1
+# Notes at the pod template, as `kubectl rollout restart` writes one, change nothing that runs.
+NOTES: Fields = {"f:spec": {"f:template": {"f:metadata": {"f:annotations": {}}}}}
 HIDDEN, HIDDEN_OLD, HIDDEN_NEW = "(hidden)", "(hidden: the old value)", "(hidden: the new value)"
 
 
@@ -23,7 +37,7 @@ HIDDEN, HIDDEN_OLD, HIDDEN_NEW = "(hidden)", "(hidden: the old value)", "(hidden
 class Applied:
     """One object that was written. `before` is None if it was not there, `after` is None if it is gone.
 
-    Both are without bookkeeping and status, and with a Secret's values hidden; `changed` was judged before these were.
+    Both are without bookkeeping and status, and with the secrets that are in them, which `diff_of` hides.
     """
 
     ref: Ref
@@ -35,8 +49,7 @@ class Applied:
 def applied(ref: Ref, before: Object | None, after: Object | None) -> Applied:
     """Compare what the API server said before a write and after it."""
     old, new = content(before), content(after)
-    shown_old, shown_new = _without_secrets(old, new)
-    return Applied(ref, shown_old, shown_new, old != new)
+    return Applied(ref, old, new, old != new)
 
 
 def content(obj: Object | None) -> Object | None:
@@ -45,28 +58,6 @@ def content(obj: Object | None) -> Object | None:
         return None
     metadata = {key: value for key, value in (obj.get("metadata") or {}).items() if key not in BOOKKEEPING}
     return {**{key: value for key, value in obj.items() if key != "status"}, "metadata": metadata}
-
-
-def _without_secrets(old: Object | None, new: Object | None) -> tuple[Object | None, Object | None]:
-    if (old or new or {}).get("kind") != "Secret":
-        return old, new
-    return _hidden(old, new, HIDDEN_OLD), _hidden(new, old, HIDDEN_NEW)
-
-
-def _hidden(secret: Object | None, other: Object | None, differs: str) -> Object | None:
-    """The Secret with words in place of its values; other words where the other one has another value."""
-    if secret is None:
-        return None
-    shown = dict(secret)
-    for part in {"data", "stringData"} & set(secret):
-        theirs = (other or {}).get(part) or {}
-        shown[part] = {
-            key: HIDDEN if theirs.get(key) == value else differs for key, value in (secret[part] or {}).items()
-        }
-    if secret["metadata"].get("annotations"):
-        kept = {key: value for key, value in secret["metadata"]["annotations"].items() if key != LAST_APPLIED}
-        shown["metadata"] = {**secret["metadata"], "annotations": kept}
-    return shown
 
 
 def diff_of(written: Sequence[Applied]) -> list[Result]:
@@ -88,3 +79,133 @@ def diff_of(written: Sequence[Applied]) -> list[Result]:
         for one in written
         if one.changed
     ]
+
+
+# --- who set which fields ---------------------------------------------------------------------------------------------
+
+
+def applied_part(obj: Object, manager: str) -> Object | None:
+    """The object as `manager` applied it; None if it never did."""
+    if (own := _own(obj, manager)) is None:
+        return None
+    part: Object = _part(obj, own.get("fieldsV1") or {})
+    metadata = {key: obj["metadata"][key] for key in IDENTITY if key in obj["metadata"]}
+    part["metadata"] = {**metadata, **part.get("metadata", {})}
+    return {"apiVersion": obj["apiVersion"], "kind": obj["kind"], **part}
+
+
+def _part(value: Any, fields: Fields) -> Any:
+    """The part of a value that the fields name; a field without fields of its own is there as a whole."""
+    if isinstance(value, Mapping):
+        names = {key[2:]: inner for key, inner in fields.items() if key.startswith("f:")}
+        return {
+            name: _part(value[name], inner) if set(inner) - {"."} else value[name]
+            for name, inner in names.items()
+            if name in value
+        }
+    if isinstance(value, list):
+        return [_part(item, inner) for item in value for key, inner in fields.items() if _names(key, item)]
+    return value
+
+
+def foreign_fields(there: Object, wanted: Object, manager: str) -> Fields:
+    """What managers other than `manager` own of the object's spec beside what is `wanted`, or made another one."""
+    found: Fields = {}
+    for entry in _entries(there):
+        spec = (entry.get("fieldsV1") or {}).get("f:spec")
+        if spec and entry.get("manager") != manager:
+            found = _plus(found, _beside(_minus({"f:spec": spec}, NOTES), wanted, there))
+    return found
+
+
+def left_fields(there: Object, wanted: Object, manager: str) -> Fields:
+    """What `manager` has of the object's spec beside what is `wanted`: what it took over, and did not apply since."""
+    own = (_own(there, manager) or {}).get("fieldsV1") or {}
+    return _beside({"f:spec": own.get("f:spec") or {}}, wanted, wanted)
+
+
+def taken_over(there: Object, fields: Fields, manager: str) -> list[Object]:
+    """The object's managedFields with these fields as if `manager` had applied them, and nobody else.
+
+    What it does not name when it applies the object again, goes away then.
+    """
+    own = _own(there, manager) or {
+        "manager": manager, "operation": "Apply", "apiVersion": there["apiVersion"], "fieldsType": "FieldsV1",
+    }  # fmt: skip
+    others = [entry for entry in _entries(there) if entry is not own]
+    left = [{**entry, "fieldsV1": _minus(entry.get("fieldsV1") or {}, fields)} for entry in others]
+    taken = {**own, "fieldsV1": _plus(own.get("fieldsV1") or {}, fields)}
+    return [taken, *(entry for entry in left if entry["fieldsV1"])]
+
+
+def without_fields(value: Any, fields: Fields | None) -> Any:
+    """A copy of the value without the fields, as the API server leaves it, but for the defaults it then fills in."""
+    if fields and isinstance(value, Mapping):
+        kept = {name: (inner, fields.get(f"f:{name}")) for name, inner in value.items()}
+        return {name: without_fields(inner, under) for name, (inner, under) in kept.items() if not _is_whole(under)}
+    if fields and isinstance(value, list):
+        owned = [(item, next((inner for key, inner in fields.items() if _names(key, item)), None)) for item in value]
+        return [without_fields(item, under) for item, under in owned if not _is_whole(under)]
+    return value
+
+
+def _is_whole(fields: Fields | None) -> bool:
+    """Whether the thing itself is meant, and not only some of what is in it."""
+    return fields is not None and (not fields or "." in fields)
+
+
+def _entries(obj: Object) -> list[Object]:
+    return (obj.get("metadata") or {}).get("managedFields") or []
+
+
+def _own(obj: Object, manager: str) -> Object | None:
+    """What `manager` has applied."""
+    said = [entry for entry in _entries(obj) if entry.get("manager") == manager and entry.get("operation") == "Apply"]
+    return next((entry for entry in said if not entry.get("subresource")), None)
+
+
+def _names(key: str, item: Any) -> bool:
+    """Whether this key of FieldsV1 means this entry of a list. Keys that have a default may be missing in ours."""
+    if key.startswith("k:") and isinstance(item, Mapping):
+        keys = json.loads(key[2:])
+        return any(name in item for name in keys) and all(item.get(name, text) == text for name, text in keys.items())
+    return key.startswith("v:") and bool(json.loads(key[2:]) == item)
+
+
+def _beside(fields: Fields, wanted: Any, there: Any) -> Fields:
+    """Of the fields those that `wanted` does not name, and mappings that are one field and not the wanted ones."""
+    found: Fields = {}
+    for key, inner in fields.items():
+        if key == ".":
+            continue
+        ours, now = _at(wanted, key), _at(there, key)
+        if ours is None:
+            found[key] = inner
+        elif not inner:
+            found |= {key: inner} if isinstance(ours, Mapping) and ours != now else {}
+        elif rest := _beside(inner, ours, now):
+            found[key] = rest
+    return found
+
+
+def _at(value: Any, key: str) -> Any:
+    """What a key of FieldsV1 means in a value; None for nothing."""
+    if key.startswith("f:"):
+        return value.get(key[2:]) if isinstance(value, Mapping) else None
+    return next((item for item in value if _names(key, item)), None) if isinstance(value, (list, tuple)) else None
+
+
+def _plus(fields: Fields, more: Fields) -> Fields:
+    both = {key: _plus(fields[key], more[key]) for key in fields if key in more}
+    return {**fields, **more, **both}
+
+
+def _minus(fields: Fields, less: Fields) -> Fields:
+    """What is left of the fields. What has nothing left below it goes, too."""
+    found: Fields = {}
+    for key, inner in fields.items():
+        if key not in less:
+            found[key] = inner
+        elif less[key] and (rest := _minus(inner, less[key])):
+            found[key] = rest
+    return found

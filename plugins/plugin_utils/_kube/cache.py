@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is waited for, and what is known of the cluster: references, and objects by kind, namespace and name. Pure."""
+"""Kinds of objects and where the API keeps them; references to objects; and what is known of a cluster. Pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,62 @@ from dataclasses import dataclass
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object, name_of
 from .pods import controller_of, meta, uid_of
-from .resources import RESOURCES, Target
+
+
+@dataclass(frozen=True)
+class Resource:
+    """A kind's place: the path of its group and version, its plural name, whether it lives in a namespace."""
+
+    base: str
+    plural: str
+    namespaced: bool = True
+
+    @property
+    def group(self) -> str:
+        """Its API group, empty for the core's."""
+        return self.base.removeprefix("/apis/").rpartition("/")[0] if self.base.startswith("/apis/") else ""
+
+    def path(self, namespace: str = "", name: str = "") -> str:
+        """The path of one object, or without a name of the list; without a namespace of the list everywhere."""
+        space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
+        return f"{self.base}{space}/{self.plural}" + (f"/{name}" if name else "")
+
+
+# The kinds that the collection deals with, by the path of their API.
+KINDS = {
+    "/api/v1": (
+        "ConfigMap", "Event", "LimitRange", "Namespace", "Node", "PersistentVolume", "PersistentVolumeClaim", "Pod",
+        "ResourceQuota", "Secret", "Service", "ServiceAccount",
+    ),
+    "/apis/apps/v1": ("ControllerRevision", "DaemonSet", "Deployment", "ReplicaSet"),
+    "/apis/coordination.k8s.io/v1": ("Lease",),
+    "/apis/networking.k8s.io/v1": ("NetworkPolicy",),
+    "/apis/rbac.authorization.k8s.io/v1": ("ClusterRole", "ClusterRoleBinding", "Role", "RoleBinding"),
+    "/apis/storage.k8s.io/v1": ("StorageClass",),
+}  # fmt: skip
+IN_NO_NAMESPACE = ("ClusterRole", "ClusterRoleBinding", "Namespace", "Node", "PersistentVolume", "StorageClass")
+ENDINGS = {"s": "ses", "y": "ies"}  # as Kubernetes guesses a kind's plural, too (meta.UnsafeGuessKindToResource)
+RESOURCES = {
+    kind: Resource(base, kind[:-1].lower() + ENDINGS.get(kind[-1], f"{kind[-1]}s"), kind not in IN_NO_NAMESPACE)
+    for base, kinds in KINDS.items()
+    for kind in kinds
+}
+
+
+@dataclass(frozen=True)
+class Target:
+    """What one list or stream is of: a kind, in one namespace or ("") everywhere."""
+
+    kind: str
+    namespace: str = ""
+
+    def __str__(self) -> str:
+        plural = RESOURCES[self.kind].plural
+        return f"{plural} in namespace {self.namespace}" if self.namespace else plural
+
+    @property
+    def path(self) -> str:
+        return RESOURCES[self.kind].path(self.namespace)
 
 
 @dataclass(frozen=True, order=True)

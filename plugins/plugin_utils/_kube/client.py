@@ -12,11 +12,9 @@ from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import without_secrets
 from ...module_utils._step.objects import Object
 from .._model.secrets import secrets_in, without
-from .applied import HIDDEN, Applied, applied
-from .cache import Ref
+from .applied import HIDDEN, Applied, Fields, applied, foreign_fields, taken_over, without_fields
+from .cache import RESOURCES, Ref
 from .connection import APPLY, JSON, MANAGER, MERGE, ApiConnection, ApiError, Query, anew
-from .managed_fields import foreign_fields, taken_over, without_fields
-from .resources import RESOURCES
 
 FENCED = ("Deployment",)  # what the keeper writes, too
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
@@ -83,43 +81,33 @@ class Kube(ApiConnection):
         return done
 
     def _applied(self, ref: Ref, wanted: Object, there: Object | None, dry_run: bool) -> Object:
-        """What has become of the object that is `there`."""
-        query = {"fieldManager": MANAGER, "force": "true", **({"dryRun": "All"} if dry_run else {})}
-        foreign = foreign_fields(there, wanted, MANAGER) if there and ref.kind in OURS_ALONE else {}
-        if foreign and not dry_run:
-            anew(lambda: self._take_over(ref, wanted))
-        if there and ref.kind in FENCED and not dry_run:
-            return self._fenced(ref, wanted, query, self.get(ref) if foreign else there)
-        # two robots that create the same object at once: one is told 409, and finds it there then
-        after = self._object("PATCH", _path(ref), query, wanted, APPLY, also=(409,))
-        # which a dry run cannot foresee
-        return without_fields(after, foreign_fields(after, wanted, MANAGER)) if foreign and dry_run else after
+        """What has become of the object that is `there`, or of what it is by then where somebody has written it since.
 
-    def _fenced(self, ref: Ref, wanted: Object, query: Query, there: Object | None) -> Object:
-        """Apply it to the object as it is `there`, or as it is by then where somebody has written it since.
-
-        A request that hangs in the API server while this run loses its Lease is refused when it gets through: whoever
-        has the Lease by then has written the object.
+        Of a kind of FENCED only what was looked at is written. A request that hangs in the API server while this run
+        loses its Lease is refused when it gets through: whoever has the Lease by then has written the object.
         """
-        known = [there]
+        query, known = {"fieldManager": MANAGER, "force": "true", **({"dryRun": "All"} if dry_run else {})}, [there]
 
         def write() -> Object:
             seen = known.pop() if known else self.get(ref)
-            version = {"resourceVersion": seen["metadata"].get("resourceVersion")} if seen else {}
-            body = {**wanted, "metadata": {**wanted["metadata"], **version}}
-            return self._object("PATCH", _path(ref), query, body, APPLY)
+            foreign = foreign_fields(seen, wanted, MANAGER) if seen and ref.kind in OURS_ALONE else {}
+            if seen and foreign and not dry_run:
+                seen = self._take_over(ref, seen, foreign)
+            fence = {}
+            if seen and ref.kind in FENCED and not dry_run:
+                fence = {"resourceVersion": seen["metadata"].get("resourceVersion")}
+            body = {**wanted, "metadata": {**wanted["metadata"], **fence}}
+            after = self._object("PATCH", _path(ref), query, body, APPLY)
+            # which a dry run cannot foresee
+            return without_fields(after, foreign_fields(after, wanted, MANAGER)) if foreign and dry_run else after
 
-        return anew(write)
+        return anew(write)  # of two robots that create the same object at once, one is told 409, too
 
-    def _take_over(self, ref: Ref, wanted: Object) -> None:
+    def _take_over(self, ref: Ref, there: Object, foreign: Fields) -> Object:
         """Make what others put into the object ours, so that it goes when we do not apply it."""
-        there = self.get(ref)
-        foreign = foreign_fields(there, wanted, MANAGER) if there else {}
-        if there and foreign:
-            version = there["metadata"]["resourceVersion"]
-            taken = taken_over({"apiVersion": ref.api_version, **there}, foreign, MANAGER)
-            part = {"metadata": {"managedFields": taken, "resourceVersion": version}}
-            self._object("PATCH", _path(ref), {"fieldManager": MANAGER}, part, MERGE)
+        taken = taken_over({"apiVersion": ref.api_version, **there}, foreign, MANAGER)
+        part = {"metadata": {"managedFields": taken, "resourceVersion": there["metadata"]["resourceVersion"]}}
+        return self._object("PATCH", _path(ref), {"fieldManager": MANAGER}, part, MERGE)
 
     def delete(
         self, refs: Iterable[Ref], dry_run: bool = False, uids: Mapping[Ref, str] | None = None
@@ -130,12 +118,8 @@ class Kube(ApiConnection):
         """
         done: list[Applied] = []
         # all in the body: where there is one, the API server reads no options from the query, dryRun neither
-        options = {
-            "kind": "DeleteOptions",
-            "apiVersion": "v1",
-            "propagationPolicy": "Background",
-            **({"dryRun": ["All"]} if dry_run else {}),
-        }
+        options: Object = {"kind": "DeleteOptions", "apiVersion": "v1", "propagationPolicy": "Background"}
+        options |= {"dryRun": ["All"]} if dry_run else {}
         for ref in refs:
             before, after, uid = self.get(ref), None, (uids or {}).get(ref)
             if before is not None:

@@ -17,9 +17,10 @@ from __future__ import annotations
 import contextlib
 import copy
 import json
+import re
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Self, TypeVar
 from urllib.parse import urlencode
@@ -74,14 +75,8 @@ class ApiError(KubeError):
 def _cause(exc: BaseException) -> str:
     """The innermost cause in one line, without urllib3's object names."""
     text = str(exc)
-    for known_cause in (
-        "Connection refused",
-        "No route to host",
-        "Name or service not known",
-        "Network is unreachable",
-    ):
-        if known_cause in text:
-            return known_cause.lower()
+    if known := re.search("Connection refused|No route to host|Name or service not known|Network is unreachable", text):
+        return known.group().lower()
     if any(part in text for part in ("EOF occurred", "Connection reset", "RemoteDisconnected", "Connection aborted")):
         return "it closed the connection"
     if "timed out" in text.lower():
@@ -157,11 +152,7 @@ class ApiConnection:
             headers.add(name, value)
         return headers
 
-    def request(self, path: str, query: Query, read_seconds: float = READ_SECONDS) -> Any:
-        """Open a GET; the answer's body is still to be read. Anything but success is an ApiError. Tried once."""
-        return self._open("GET", path, query, read_seconds=read_seconds)
-
-    def _open(  # noqa: PLR0913 - the parts of a request
+    def request(  # noqa: PLR0913 - its parts
         self,
         method: str,
         path: str,
@@ -170,19 +161,13 @@ class ApiConnection:
         content: str = "",
         read_seconds: float = READ_SECONDS,
     ) -> Any:
+        """An answer whose body is still to be read. Anything but success is an ApiError. Tried once."""
         url = f"{self.host}{path}" + (f"?{urlencode(query)}" if query else "")
         timeout = urllib3.Timeout(connect=CONNECT_SECONDS, read=read_seconds)
         data = None if body is None else json.dumps(body).encode()
         try:
-            answer = self._pool.request(
-                method,
-                url,
-                body=data,
-                headers=self._headers(content),
-                preload_content=False,
-                retries=False,
-                timeout=timeout,
-            )
+            how = {"headers": self._headers(content), "timeout": timeout, "preload_content": False, "retries": False}
+            answer = self._pool.request(method, url, body=data, **how)
         except BROKEN as exc:
             raise self._unreachable(exc) from exc
         if not 200 <= answer.status < 300:
@@ -190,18 +175,12 @@ class ApiConnection:
         return answer
 
     def _unreachable(self, exc: BaseException) -> ApiError:
-        untrusted = "CERTIFICATE_VERIFY_FAILED" in str(exc)
-        source = self._access.source
-        todo = (
-            "Check ca_cert, or that the kubeconfig belongs to this cluster"
-            if untrusted
-            else f"Check that its server runs, that it can be reached from here, and the address (from {source})"
-        )
-        return ApiError(
-            f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}.",
-            transient=not untrusted,
-            misfit=untrusted,
-        )
+        untrusted, source = "CERTIFICATE_VERIFY_FAILED" in str(exc), self._access.source
+        todo = f"Check that its server runs, that it can be reached from here, and the address (from {source})"
+        if untrusted:
+            todo = "Check ca_cert, or that the kubeconfig belongs to this cluster"
+        text = f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}."
+        return ApiError(text, transient=not untrusted, misfit=untrusted)
 
     def _refused(self, answer: Any, what: str) -> ApiError:
         status = int(answer.status)
@@ -212,15 +191,12 @@ class ApiConnection:
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
             todo = "Its namespace has to be applied first"
-        text = f"The Kubernetes API at {self.host} answered {status} for {what}"
-        return ApiError(
-            ". ".join(part.rstrip(".") for part in (f"{text}: {message}" if message else text, todo) if part) + ".",
-            status=status,
-            transient=status == 429 or status >= 500,
-        )
+        text = f"The Kubernetes API at {self.host} answered {status} for {what}" + (f": {message}" if message else "")
+        text = ". ".join(part.rstrip(".") for part in (text, todo) if part)
+        return ApiError(f"{text}.", status, transient=status == 429 or status >= 500)
 
-    def _patiently(self, work: Callable[[], Answer], also: Sequence[int] = ()) -> Answer:
-        """Do it again until it succeeds, while it fails in a way that passes (or with a status of `also`)."""
+    def _patiently(self, work: Callable[[], Answer]) -> Answer:
+        """Do it again until it succeeds, while it fails in a way that passes."""
         began, pause, said, said_at = self._now(), FIRST_PAUSE, Counter[str](), SAID_FROM
         while True:
             try:
@@ -228,15 +204,11 @@ class ApiConnection:
             except ApiError as exc:
                 said[str(exc)] += 1
                 spent = self._now() - began
-                if not (exc.transient or exc.status in also) or spent >= self._patience:
-                    tries = sum(said.values())
-                    if tries == 1:
-                        raise
-                    other = [text for text in said if text != str(exc)]
-                    text = f"{exc} It was tried {tries} times in {spent:.0f} s" + (
-                        f"; before: {other[-1]}" if other else "."
-                    )
-                    raise ApiError(text, exc.status, exc.transient) from exc
+                if not exc.transient or spent >= self._patience:
+                    other = [f"; before: {text}" for text in said if text != str(exc)] or ["."]
+                    if (tries := said.total()) > 1:
+                        exc.args = (f"{exc} It was tried {tries} times in {spent:.0f} s{other[-1]}",)
+                    raise
                 if spent >= said_at:
                     self._say(f"{exc} It is tried again for {self._patience - spent:.0f} s")
                     said_at += SAID_EVERY
@@ -246,11 +218,11 @@ class ApiConnection:
     def _read(self, method: str, path: str, query: Query, *body: Any) -> bytes:
         """A whole answer. Tried once."""
         try:
-            return bytes(self._open(method, path, query, *body).data)
+            return bytes(self.request(method, path, query, *body).data)
         except BROKEN as exc:  # the connection broke within the body
             raise self._unreachable(exc) from exc
 
-    def _object(self, method: str, path: str, query: Query, *body: Any, also: Sequence[int] = ()) -> Object:
+    def _object(self, method: str, path: str, query: Query, *body: Any) -> Object:
         """The object that is the answer."""
 
         def ask() -> bytes:
@@ -258,7 +230,7 @@ class ApiConnection:
                 self._permit()
             return self._read(method, path, query, *body)
 
-        answer = self._patiently(ask, also)
+        answer = self._patiently(ask)
         try:
             return dict(json.loads(answer))
         except (ValueError, TypeError) as exc:

@@ -62,9 +62,8 @@ class Lease:
     def renew(self) -> Hold:
         """Keep it for another time; not `mine` if it was lost meanwhile."""
         found = self._api.get(self.ref)
-        if found is None or _hold(found, self._holder).mine:
-            return self.acquire()
-        return _hold(found, self._holder)
+        ours = found is None or holder_of(found) == self._holder
+        return self.acquire() if ours else _hold(found or {}, self._holder)
 
     def release(self) -> Hold:
         """Let it go, so that nobody has to wait for its end; nothing to do if it is not ours."""

@@ -1,22 +1,35 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a wait tells: what is still open, and why it failed, with what the cluster has to say beyond the status."""
+"""What a wait tells: what is still open, and why it failed, with what the cluster has to say beyond the status.
+
+A pod's status tells that a container is not ready, only the kubelet's events tell why. A probe of this collection
+starts its line with `cannot become ready: ` where waiting cannot mend it. Of a probe by HTTP the kubelet tells no more
+than the status, so what a sidecar with our hooks has to say stands in its log. Both are asked for only while they can
+say something new, and seldom: the API server answers a list of events from all that it has.
+"""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ...module_utils._common.poll import PASS
-from ...module_utils._step.objects import Object, is_terminating
+from ...module_utils._step.objects import Object, is_terminating, name_of
+from .._model.names import SIDECAR
 from .cache import Ref, View
 from .client import Kube
 from .connection import ApiError
-from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, uid_of
-from .probe_events import HOPELESS
+from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
 
+HOPELESS = "cannot become ready: "
+COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
+FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
+_HEAD = re.compile(r"\w+ probe failed: ?")
+SECONDS = 1.0
+SECONDS_AFTER_ERROR = 5.0
 SHOWN = 12  # lines of a progress message
 LOG_LINES, TELLING_LINES = 200, 5  # that are read of a log, and that are told
 _ERROR = re.compile(r"\b(ERROR|FATAL|Traceback|[A-Za-z.]*(Error|Exception)\b|rosops\.fleet:|not found|[Ss]egmentation)")
@@ -35,13 +48,9 @@ class Row:
     verdict: Verdict
 
     def as_dict(self) -> dict[str, str]:
-        return {
-            "kind": self.ref.kind,
-            "name": self.ref.name,
-            "namespace": self.ref.namespace,
-            "verdict": self.verdict.verdict,
-            "reason": self.verdict.reason,
-        }
+        ref, verdict = self.ref, self.verdict
+        names = {"kind": ref.kind, "name": ref.name, "namespace": ref.namespace}
+        return {**names, "verdict": verdict.verdict, "reason": verdict.reason}
 
     def __str__(self) -> str:
         return f"{self.ref}: {self.verdict.reason}"
@@ -117,7 +126,7 @@ def _warnings(events: Iterable[Object], names: Iterable[str]) -> list[str]:
 
 
 def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> list[str]:
-    name, namespace = str(meta(pod).get("name")), str(meta(pod).get("namespace"))
+    name, namespace = name_of(pod), _space(pod)
     recovered = condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said
     if not _concerns(name, names) or recovered:
         return []
@@ -157,3 +166,61 @@ def telling(log: str, count: int = TELLING_LINES) -> list[str]:
     others = [number for number in alike.values() if number not in errors]
     chosen = [*sorted(errors)[-count:], *sorted(others, reverse=True)][:count]
     return [lines[number] for number in sorted(chosen)]
+
+
+# --- what probes say --------------------------------------------------------------------------------------------------
+
+
+def probe_line(message: str) -> str:
+    """'Startup probe failed: why', in one line: the hopeless one where there are more, else the last."""
+    plain = message.strip()
+    plain = plain[len(COMBINED) :] if plain.startswith(COMBINED) else plain
+    head = _HEAD.match(plain)
+    lines = [line.strip() for line in plain[head.end() if head else 0 :].splitlines() if line.strip()]
+    chosen = next((line for line in lines if HOPELESS in line), lines[-1] if lines else "")
+    return f"{head[0] if head else ''}{chosen}".strip()
+
+
+def _when(event: Object) -> tuple[str, bool]:
+    series = event.get("series") or {}
+    times = (series.get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
+    # whole seconds: of two within one, the hopeless one is the later, as a probe that printed it does not recover
+    return next((str(time)[:19] for time in times if time), ""), HOPELESS in str(event.get("message"))
+
+
+def latest(events: Iterable[Object]) -> dict[str, str]:
+    """By pod uid, the newest of its Unhealthy events: of an earlier pod of the same name nothing is taken over."""
+    found: dict[str, str] = {}
+    for event in sorted((one for one in events if one.get("reason") == "Unhealthy"), key=_when):
+        uid = str((event.get("involvedObject") or {}).get("uid") or "")
+        found[uid] = probe_line(str(event.get("message") or ""))
+    return found
+
+
+class ProbeNews:
+    """The pods' last lines, asked for at most once a second per namespace."""
+
+    def __init__(self) -> None:
+        self.lines: dict[str, str] = {}  # by pod uid
+        self._due: dict[str, float] = {}
+
+    def due(self, pods: Iterable[Object], now: float) -> float:
+        """When one of these may be asked for next."""
+        return min((self._due.get(_space(pod), now) for pod in pods), default=math.inf)
+
+    def ask(self, kube: Kube, pods: Sequence[Object], now: float) -> bool:
+        """Ask for those that are due; whether there was one."""
+        due = {_space(pod) for pod in pods if self._due.get(_space(pod), now) <= now}
+        for namespace in due:
+            try:
+                self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
+                for pod in (one for one in pods if _space(one) == namespace and SIDECAR in sidecars(one)):
+                    self.lines[uid_of(pod)] = kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
+                self._due[namespace] = now + SECONDS
+            except ApiError as error:  # the wait can do without: the watch tells what matters
+                self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
+        return bool(due)
+
+
+def _space(pod: Object) -> str:
+    return str(meta(pod).get("namespace"))

@@ -55,18 +55,14 @@ def grace_of(pod: Object) -> float:
 
 def condition(obj: Object, kind: str) -> Object:
     """The status condition of that type, or an empty one."""
-    for item in (obj.get("status") or {}).get("conditions") or []:
-        if item.get("type") == kind:
-            return dict(item)
-    return {}
+    said = (obj.get("status") or {}).get("conditions") or []
+    return dict(next((item for item in said if item.get("type") == kind), {}))
 
 
 def controller_of(obj: Object) -> Object:
     """The owner reference of the object's controller, or an empty one."""
-    for owner in meta(obj).get("ownerReferences") or []:
-        if owner.get("controller"):
-            return dict(owner)
-    return {}
+    owners = meta(obj).get("ownerReferences") or []
+    return dict(next((owner for owner in owners if owner.get("controller")), {}))
 
 
 def is_up(pod: Object) -> bool:
@@ -122,19 +118,15 @@ def _restarts(container: Object) -> str:
     return f"{again} restart" + ("" if again == 1 else "s")
 
 
-def _crash(container: Object) -> str:
-    last, times = _last_end(container), _restarts(container)
-    return _words(CRASH_LOOP, f"{times}, last {_exit(last)}" if last else times)
-
-
 def _container_trouble(container: Object, where: str) -> Verdict | None:
     waiting = _state(container, "waiting")
     why, message = str(waiting.get("reason") or ""), _message(waiting)
     if why in IMAGE_ERRORS:
         return Verdict(FAIL, _words(where, why, f"image {container.get('image', '?')}", message))
     if why == CRASH_LOOP:  # by itself the kubelet restarts a first crash at once: without a restart it is no loop yet
-        looped = bool(container.get("restartCount"))
-        return Verdict(FAIL if looped else WAIT, _words(where, _crash(container)), "" if looped else CRASH_LOOP)
+        looped, last = bool(container.get("restartCount")), _last_end(container)
+        said = _words(where, CRASH_LOOP, _restarts(container) + (f", last {_exit(last)}" if last else ""))
+        return Verdict(FAIL if looped else WAIT, said, "" if looped else CRASH_LOOP)
     if why in CONFIG_ERRORS and not any(slow in message for slow in KUBELET_TOO_SLOW):
         return Verdict(FAIL, _words(where, why, message))
     if why in RUNTIME_ERRORS or why in CONFIG_ERRORS:

@@ -33,27 +33,20 @@ def _unseen(obj: Object) -> Verdict | None:
     """Nothing in the status counts until the controller has seen the present specification."""
     if is_terminating(obj):
         return Verdict(WAIT, "is being deleted")
-    wanted = _number(meta(obj), "generation")
-    seen = _number(obj.get("status") or {}, "observedGeneration")
-    if seen < wanted:
-        return Verdict(WAIT, f"its controller has not seen generation {wanted} yet")
-    return None
+    wanted, seen = _number(meta(obj), "generation"), _number(obj.get("status") or {}, "observedGeneration")
+    return Verdict(WAIT, f"its controller has not seen generation {wanted} yet") if seen < wanted else None
 
 
-def _worst(pods: Iterable[Object], room_is_coming: bool) -> Verdict | None:
+def _worst(pods: Iterable[Object], view: View) -> Verdict | None:
     """The first failing pod's verdict, else the first suspicious one.
 
     While other pods are still terminating, their resources, ports and volumes come free soon: then "unschedulable" is
     an ordinary wait.
     """
-    suspicious: Verdict | None = None
-    for pod in pods:
-        found = trouble(pod)
-        if found and found.verdict == FAIL:
-            return found
-        if found and found.suspect and not (room_is_coming and found.suspect == UNSCHEDULABLE):
-            suspicious = suspicious or found
-    return suspicious
+    found = [one for one in map(trouble, pods) if one]
+    room_is_coming = any(is_terminating(pod) for pod in view.all("Pod"))
+    suspects = [one for one in found if one.suspect and not (room_is_coming and one.suspect == UNSCHEDULABLE)]
+    return next((one for one in found if one.verdict == FAIL), next(iter(suspects), None))
 
 
 def _with_pods(summary: str, pods: Iterable[Object]) -> str:
@@ -68,10 +61,6 @@ def _old_left(pods: Sequence[Object]) -> str:
     doing = "is terminating" if is_terminating(first) else "still runs"
     more = f" and {len(pods) - 1} more" if len(pods) > 1 else ""
     return f"old pod {name_of(first)} {doing}" + (f" on {node}" if node else "") + more
-
-
-def _room_is_coming(view: View) -> bool:
-    return any(is_terminating(pod) for pod in view.all("Pod"))
 
 
 def _all_pods(ref: Ref, view: View) -> list[Object]:
@@ -169,7 +158,7 @@ def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
     if paused and waits:
         return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")
     refused = _refused(obj, old) if waits else None
-    found = _worst(current, _room_is_coming(view)) or (refused if refused and refused.suspect else None)
+    found = _worst(current, view) or (refused if refused and refused.suspect else None)
     found = found or _deadline(obj, current) or refused
     if found:
         return found
@@ -217,7 +206,7 @@ def _daemon_set(ref: Ref, obj: Object, view: View) -> Verdict:
     older = [pod for pod in pods if pod not in current and not is_terminating(pod)]
     on_delete = ((obj.get("spec") or {}).get("updateStrategy") or {}).get("type") == "OnDelete"
     left = [pod for pod in older if on_delete and owned_by(pod, obj)]  # those of a deleted namesake have to go
-    if found := _worst(current, _room_is_coming(view)):
+    if found := _worst(current, view):
         return found
     if waits := _daemon_waits(obj, pods, current, [pod for pod in older if pod not in left]):
         return Verdict(WAIT, waits)
@@ -318,18 +307,14 @@ class Tracker:
 
     def __init__(self, grace: float) -> None:
         self._grace = grace
-        self._since: dict[tuple[Ref, str], float] = {}
+        self._since: dict[tuple[Ref, str], float] = {}  # by object and suspicion
 
     def settle(self, ref: Ref, verdict: Verdict, now: float) -> Verdict:
         key = (ref, verdict.suspect)
         for other in [one for one in self._since if one[0] == ref and one != key]:
             del self._since[other]
-        if not verdict.suspect:
-            return verdict
-        since = self._since.setdefault(key, now)
-        if now - since >= self._grace:
-            return Verdict(FAIL, verdict.reason, verdict.suspect)
-        return verdict
+        lasts = bool(verdict.suspect) and now - self._since.setdefault(key, now) >= self._grace
+        return Verdict(FAIL, verdict.reason, verdict.suspect) if lasts else verdict
 
     def due(self) -> float | None:
         """When the next suspicion turns into a failure if nothing changes."""

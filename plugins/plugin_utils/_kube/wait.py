@@ -16,14 +16,11 @@ from ...module_utils._common.documents import Result
 from ...module_utils._common.errors import NotReadyError
 from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ...module_utils._step.objects import Object, is_ready, name_of
-from .._model.names import SIDECAR
-from .cache import Ref, View, targets_for
+from .cache import Ref, Target, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
-from .message import Row, cause_first, notes_on, progress
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, sidecars, uid_of
-from .probe_events import HOPELESS, ProbeNews
-from .resources import Target
+from .message import HOPELESS, ProbeNews, Row, cause_first, notes_on, progress
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, uid_of
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch
 
@@ -149,16 +146,11 @@ class _Wait:
         due = [since + BEGUN_SECONDS for since in self.up.values() if since + BEGUN_SECONDS > now]
         return min(due, default=None)
 
-    def starting(self) -> set[str]:
-        """Namespaces where a present pod is up but not ready: only its probe knows why."""
+    def starting(self) -> list[Object]:
+        """The present pods that are up but not ready: only their probes know why."""
         if self.unlisted or self.lost:
-            return set()
-        return {ref.namespace for ref in self.refs if any(_waits(pod) for pod in present_pods(ref, self.view))}
-
-    def hear(self, kube: Kube) -> bool:
-        pods = [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
-        beside = [pod for pod in pods if SIDECAR in sidecars(pod)]
-        return self.news.ask(kube, self.starting(), self.options.now(), beside)
+            return []
+        return [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
 
     def unreachable(self) -> str:
         return str(next(iter(self.lost.values()))) if self.lost else ""
@@ -178,7 +170,7 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
     with options.watch(kube, targets_for(refs)) as stream:
         while True:
             rows = wait.rows()
-            if any(row.verdict.verdict == WAIT for row in rows) and wait.hear(kube):
+            if any(row.verdict.verdict == WAIT for row in rows) and wait.news.ask(kube, wait.starting(), options.now()):
                 rows = wait.rows()
             verdict, now = overall([row.verdict.verdict for row in rows]), options.now()
             if wait.stayed(verdict):
@@ -225,13 +217,10 @@ def _result(rows: Sequence[Row], elapsed: float) -> Result:
 def _not_ready(kube: Kube, wait: _Wait, rows: Sequence[Row], verdict: str) -> NotReadyError:
     bad = [row for row in rows if row.verdict.verdict == (FAIL if verdict == FAIL else WAIT)]
     elapsed = wait.elapsed()
-    if verdict == FAIL:
-        head = f"{len(bad)} of {len(rows)} cannot be rolled out"
-    else:
-        head = f"{len(bad)} of {len(rows)} are not rolled out after {elapsed:.0f} s"
+    what = "cannot be rolled out" if verdict == FAIL else f"are not rolled out after {elapsed:.0f} s"
     notes = [] if wait.unlisted or wait.lost else notes_on(kube, bad, wait.view)
     which = ", ".join(str(row.ref) for row in bad)
-    lines = [*(cause_first(row) for row in bad), *notes, f"  {head}: {which}"]
+    lines = [*(cause_first(row) for row in bad), *notes, f"  {len(bad)} of {len(rows)} {what}: {which}"]
     if wait.unreachable() and not wait.unlisted:
         lines.append(f"  The last news is old: {wait.unreachable()}")
     return NotReadyError("\n".join(lines), **_result(rows, elapsed))

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...module_utils._step.objects import Object
+from .cache import Target
 from .connection import BROKEN, FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
-from .resources import Target
 
 # The server ends a watch after that time and it is resumed where it stood. So a link that died without a word is
 # noticed READ_SLACK later, and not after the operating system's quarter of an hour.
@@ -75,7 +75,10 @@ class Watch:
         self._targets = list(targets)
 
     def __enter__(self) -> Watch:
-        self.follow(self._targets)
+        for target in self._targets:
+            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
         return self
 
     def __exit__(self, *unused: object) -> None:
@@ -84,13 +87,6 @@ class Watch:
             _hang_up(answer)
         for thread in self._threads:
             thread.join(JOIN_SECONDS)
-
-    def follow(self, targets: Iterable[Target]) -> None:
-        """Follow these, too."""
-        for target in targets:
-            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target}", daemon=True)
-            self._threads.append(thread)
-            thread.start()
 
     def changes(self, timeout: float) -> list[StreamEvent]:
         """Everything that is new; waits for the first change, at most `timeout` seconds."""
@@ -151,9 +147,8 @@ class Watch:
 
     def _open(self, target: Target, version: str) -> Any:
         query = {"watch": "1", "allowWatchBookmarks": "true", "resourceVersion": version}
-        answer = self._kube.request(
-            target.path, {**query, "timeoutSeconds": WATCH_SECONDS}, read_seconds=WATCH_SECONDS + READ_SLACK
-        )
+        query |= {"timeoutSeconds": str(WATCH_SECONDS)}
+        answer = self._kube.request("GET", target.path, query, read_seconds=WATCH_SECONDS + READ_SLACK)
         self._answers[target] = answer
         if self._over.is_set():
             _hang_up(answer)

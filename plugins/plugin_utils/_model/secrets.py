@@ -24,13 +24,15 @@ _PASSWORD_IN_URL = re.compile(r"://[^\s/:@]*:([^\s/@]+)@")
 
 
 def secrets_in(value: Any) -> Iterator[str]:
-    """The secrets of a Kubernetes object: variables of containers whose name says so, and passwords within URLs.
+    """The secrets of a Kubernetes object: a Secret's values, variables whose name says so, passwords within URLs.
 
     Objects that are kept as JSON within others, as a step keeps its way back, are looked through as well.
     """
     if isinstance(value, Mapping):
         if _SECRET_VARIABLE.search(str(value.get("name"))) and isinstance(value.get("value"), str):
             yield str(value["value"])
+        if value.get("kind") == "Secret":
+            yield from (str(text) for part in ("data", "stringData") for text in (value.get(part) or {}).values())
         for item in value.values():
             yield from secrets_in(item)
     elif isinstance(value, (list, tuple)):

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 
 from ...module_utils._step.objects import hash_of, is_in
 from ...module_utils._step.record import UNPROVEN, answer, soaks
-from .._kube.managed_fields import foreign_fields, left_fields
+from .._kube.applied import foreign_fields, left_fields
 from .._model import names
 from .revisions import key_of, read_records
 from .world import Live, Object

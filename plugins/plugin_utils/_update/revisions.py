@@ -11,7 +11,7 @@ from typing import Any
 from ...module_utils._step.objects import annotations_of, app_of, is_ready, name_of, revision_of
 from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, Record, answer, record_of
 from ...module_utils._step.words import SOAKING, UPDATING, WENT_BACK
-from .._kube.managed_fields import applied_part, foreign_fields
+from .._kube.applied import applied_part, foreign_fields
 from .._model import names
 from .world import Live, Object
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import IDENTITY, Control
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 

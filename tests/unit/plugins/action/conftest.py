@@ -8,7 +8,7 @@ import os
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 

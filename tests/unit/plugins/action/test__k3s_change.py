@@ -200,19 +200,6 @@ def test_check_mode_says_what_would_come_and_asks_nothing(host: Host, source: st
     assert host.asked == ["staged"]
 
 
-def test_after_a_wave_with_a_failure_no_further_one_begins(host: Host) -> None:
-    host.bad = True
-    host.change(inventory_hostname="robot1", ansible_play_batch=["robot1"], ansible_play_hosts_all=["robot1", "robot2"])
-    host.asked = []
-    found = host.change(
-        inventory_hostname="robot2", ansible_play_batch=["robot2"], ansible_play_hosts_all=["robot1", "robot2"]
-    )
-    assert not found.get("failed")
-    assert found["outcome"]["outcome"] == "unchanged"
-    assert "robot1 failed" in found["msg"]
-    assert host.asked == []
-
-
 def test_after_a_server_of_the_shared_cluster_that_failed_none_is_changed(host: Host) -> None:
     """They hold one datastore; agents newer than they are refused then."""
     servers = {"k3s_cluster": "edge", "ansible_play_hosts_all": ["edge1", "edge2", "edge3"]}

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the configuration of k3s is written: in place, or beside it until it is exchanged."""
+"""Where the tokens and the configuration of k3s are written: in place, or beside it until it is exchanged."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
     return done
 
 
-def files(staged: str, check_mode: bool = False, joins: str = "") -> dict[str, Any]:
+def files(staged: str, check_mode: bool = False, joins: str = "", **more: Any) -> dict[str, Any]:
     """Those of a server, or of an agent that joins one."""
     server = "edge1" if joins else "robot1"
     variables = {
@@ -43,12 +43,22 @@ def files(staged: str, check_mode: bool = False, joins: str = "") -> dict[str, A
         "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
     }  # fmt: skip
     args = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins}
+    args |= {"registered": "__k3s_slurped", **more}
     return run(_k3s_files, args, variables, check_mode)
 
 
 def test_in_place(written: list[tuple[str, bool]]) -> None:
     assert files("")["changed"]
     assert written == [(CONFIG, False), (UNIT, False), (REGISTRIES, False)]
+
+
+def test_tokens_come_in_place_and_what_they_are_not_shown(written: list[tuple[str, bool]]) -> None:
+    found = files(".next", tokens=["token"])
+    assert written[0] == ("/etc/rancher/k3s/token", False)
+    assert "/etc/rancher/k3s/token" not in str(found["diff"])
+    written.clear()
+    files("", check_mode=True, tokens=["agent-token"])
+    assert written[0] == ("/etc/rancher/k3s/agent-token", True)
 
 
 def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list[tuple[str, bool]]) -> None:
@@ -82,5 +92,5 @@ def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> Non
     }  # fmt: skip
     for etcd in (False, True):
         texts.clear()
-        run(_k3s_files, {"write": [CONFIG], "remove": [], "etcd": etcd}, known, False)
+        run(_k3s_files, {"write": [CONFIG], "remove": [], "etcd": etcd, "registered": ""}, known, False)
         assert ("cluster-init: true" in texts[CONFIG]) is etcd

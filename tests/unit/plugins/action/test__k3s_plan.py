@@ -14,22 +14,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import r
 HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "edge3": {}, "robot1": {}}
 GONE = {"exists": False, "sha256": "", "mode": ""}
 BARE: dict[str, Any] = {
-    "machine": "x86_64",
-    "version": "",
-    "images": {},
-    "service": {"active": "inactive", "enabled": False, "reload": False, "installed": False},
-    "other_service": False,
-    "stale": False,
-    "ready": False,
-    "data": False,
-    "etcd": False,
-    "cgroup_refused": False,
-    "tokens": {"server": "absent", "agent": "absent"},
-    "server_url": "",
-    "answering": [],
-    "change": {"unproven": False, "version": ""},
-    "kubeconfig_sha256": "",
-}
+    "machine": "x86_64", "version": "", "images": {},
+    "service": {"active": "inactive", "enabled": False, "reload": False, "installed": False}, "other_service": False,
+    "stale": False, "ready": False, "data": False, "etcd": False, "cgroup_refused": False,
+    "tokens": {"server": "absent", "agent": "absent"}, "server_url": "", "answering": [],
+    "change": {"unproven": False, "version": ""}, "kubeconfig_sha256": "",
+}  # fmt: skip
 
 
 @pytest.fixture

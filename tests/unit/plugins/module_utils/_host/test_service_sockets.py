@@ -7,8 +7,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -133,36 +131,6 @@ def test_the_kernels_own_tables() -> None:
             assert "127.0.0.1" in own.addresses
             assert own.listens(port)
             assert [row.remote for row in own.connected(port)] == [client.getsockname()]
-
-
-HOLDER = """
-import socket, sys
-server = socket.create_server(("10.255.77.1", 0))
-port = server.getsockname()[1]
-kept = [(socket.create_connection(("10.255.77.1", port)), server.accept()) for _ in range(2)]
-print(port, flush=True)
-sys.stdin.read()
-"""
-
-
-def test_a_namespace_of_its_own_as_a_pod_has_one() -> None:
-    script = 'ip addr add 10.255.77.1/32 dev lo && ip link set lo up && exec "$0" -c "$1"'
-    command = ["unshare", "--net", "sh", "-c", script, sys.executable, HOLDER]
-    try:
-        pod = subprocess.Popen(  # noqa: S603 - our own command line
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
-    except FileNotFoundError:
-        pytest.skip("util-linux's unshare is not installed")
-    assert pod.stdout is not None
-    port = pod.stdout.readline().strip()
-    try:
-        if not port:
-            pytest.skip("network namespaces can be made by root only, with ip from iproute2")
-        first, second = namespaces(Path("/proc")), namespaces(Path("/proc"))
-        assert persistent(first, second, ("10.255.77.1", int(port)), frozenset()) == 2
-    finally:
-        pod.communicate()
 
 
 # ---- what they say

@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.action import (
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run

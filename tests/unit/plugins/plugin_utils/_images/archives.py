@@ -8,7 +8,7 @@ import hashlib
 import io
 import json
 import tarfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ def oci(path: Path) -> str:
     return archive(path, {"oci-layout": b"{}", **files})
 
 
-def docker_image(path: Path, tag: str, layers: list[bytes]) -> str:
+def docker_image(path: Path, tag: str, layers: Sequence[bytes]) -> str:
     """As `podman save` makes it."""
     listed = [f"{digest(one)}.tar" for one in layers]
     files = dict(zip(listed, layers, strict=True))
@@ -80,7 +80,7 @@ def docker_image(path: Path, tag: str, layers: list[bytes]) -> str:
     return archive(path, {**files, f"{digest(config)}.json": config, "manifest.json": encoded(manifest)})
 
 
-def oci_image(path: Path, tag: str, layers: list[bytes]) -> str:
+def oci_image(path: Path, tag: str, layers: Sequence[bytes]) -> str:
     """An OCI layout in a tar; the layers stand in it the wrong way around, which it may do."""
     config = encoded({"architecture": "arm64", "os": "linux"})
     said = [{"digest": f"sha256:{digest(one)}", "size": len(one)} for one in layers]

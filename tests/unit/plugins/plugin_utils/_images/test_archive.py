@@ -1,22 +1,29 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Archives as docker, podman and buildkit write them."""
+"""Archives as docker, podman and buildkit write them, and what they show of their images."""
 
 from __future__ import annotations
 
 import bz2
+import gzip
+import io
+import json
 import lzma
-from collections.abc import Callable
+import tarfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images import archive as _archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
+    Archives,
     Image,
     archive_images,
     normal_ref,
-    unusable,
+    opened,
+    thin_archive,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ARM,
@@ -25,22 +32,20 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
     archive,
     digest,
     docker,
+    docker_image,
+    encoded,
     oci,
+    oci_image,
+    tar_of,
 )
 
 
-@pytest.mark.parametrize(
-    ("ref", "full"),
-    [
-        ("ros", "docker.io/library/ros:latest"),
-        ("ros:noetic", "docker.io/library/ros:noetic"),
-        ("lab/ros:noetic", "docker.io/lab/ros:noetic"),
-        ("docker.io/ros:noetic", "docker.io/library/ros:noetic"),
-        ("localhost/lab/ros", "localhost/lab/ros:latest"),
-        ("edge1:5000/ros", "edge1:5000/ros:latest"),
-        ("ghcr.io/a/b@sha256:12", "ghcr.io/a/b@sha256:12"),
-    ],
-)
+@pytest.mark.parametrize(("ref", "full"), [
+    ("ros", "docker.io/library/ros:latest"), ("ros:noetic", "docker.io/library/ros:noetic"),
+    ("lab/ros:noetic", "docker.io/lab/ros:noetic"), ("docker.io/ros:noetic", "docker.io/library/ros:noetic"),
+    ("localhost/lab/ros", "localhost/lab/ros:latest"), ("edge1:5000/ros", "edge1:5000/ros:latest"),
+    ("ghcr.io/a/b@sha256:12", "ghcr.io/a/b@sha256:12"),
+])  # fmt: skip
 def test_names_are_containerds(ref: str, full: str) -> None:
     assert normal_ref(ref) == full
 
@@ -64,7 +69,7 @@ def test_what_containerd_or_the_control_node_cannot_unpack_is_refused(
     packed = tmp_path / "a.tar.gz"
     packed.write_bytes(pack(Path(docker(tmp_path / "a.tar", ["a:1"])).read_bytes()))
     told = f"{packed} is compressed by {name}: unpack it, or compress it by gzip"
-    assert unusable(str(packed)) == told
+    assert Archives().unusable(str(packed)) == told
     with pytest.raises(SpecError, match=told):
         archive_images(str(packed))
 
@@ -99,3 +104,173 @@ def test_bad_archives_are_named(tmp_path: Path, make: Any, message: str) -> None
 def test_an_architecture_that_is_not_in_the_archive(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="no image for arm, only for amd64, arm64"):
         archive_images(oci(tmp_path / "o.tar"), "armv7l")
+
+
+# --- several of them --------------------------------------------------------------------------------------------------
+
+LAYER = b"layer" * 99
+
+
+@pytest.mark.parametrize("make", [docker_image, oci_image])
+def test_what_would_take_long_to_unpack_is_not_looked_at(
+    make: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, whole = make(tmp_path / "a.tar", "a:1", [LAYER]), tmp_path / "a.tar.gz"
+    whole.write_bytes(gzip.compress(Path(make(tmp_path / "b.tar", "b:1", [LAYER])).read_bytes()))
+    for most, seen in ((whole.stat().st_size, True), (whole.stat().st_size - 1, False)):
+        monkeypatch.setattr(_archive, "LARGEST_COMPRESSED", most)
+        assert bool(Archives().ids([plain, str(whole)], "b:1")) is seen, most
+    monkeypatch.setattr(_archive, "LARGEST_COMPRESSED", 0)
+    assert Archives().ids([plain], "a:1")  # nothing to unpack
+
+
+def test_each_archive_is_listed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = docker_image(tmp_path / "a.tar", "a:1", [LAYER])
+    seen: list[str] = []
+
+    def counted(path: str) -> Any:
+        seen.append(path)
+        return opened(path)
+
+    monkeypatch.setattr(_archive, "opened", counted)
+    archives = Archives()
+    assert [archives.ids([path, path], ref) for ref in ("b:1", "c:1")] == [frozenset()] * 2
+    assert archives.instead([{"path": path}], "b:1") == ["docker.io/library/a:1"]
+    assert seen == [path]
+
+
+def test_what_archives_hold_where_none_has_an_image(tmp_path: Path) -> None:
+    old, other = (docker_image(tmp_path / f"{name}.tar", f"lab/{name}:1", [LAYER]) for name in ("scout", "mule"))
+    both = [{"path": old}, {"path": other}]
+    archives = Archives()
+    assert archives.instead(both, "docker.io/lab/scout:1") == []
+    assert archives.instead(both, "lab/scout:1.0.1") == ["docker.io/lab/mule:1", "docker.io/lab/scout:1"]
+    assert archives.instead([{"path": old, "images": ["lab/none:1"]}], "lab/scout:1") == ["docker.io/lab/none:1"]
+    assert archives.instead([*both, {"path": str(tmp_path / "away.tar")}], "lab/scout:2") == []  # it may have it
+    assert archives.instead([], "lab/scout:2") == []
+
+
+def test_what_is_not_there_is_not_known_to_be_unusable(tmp_path: Path) -> None:
+    assert [Archives().unusable(path) for path in (str(tmp_path / "none"), "~nobody-at-all/x.tar")] == ["", ""]
+
+
+def test_the_ids_of_an_image_for_whatever_machine(tmp_path: Path) -> None:
+    """Which machine a host is only a look at it says. The last archive that has the name counts, as on a node."""
+    old, new = (docker_image(tmp_path / f"{name}.tar", "lab/a:1", [LAYER, name.encode()]) for name in ("old", "new"))
+    archives = Archives()
+    (image,) = archives.ids([old, new], "docker.io/lab/a:1")
+    assert {image} == archives.ids([new], "lab/a:1") != archives.ids([old], "lab/a:1")
+    assert archives.ids([old], "lab/b:1") == archives.ids([], "lab/a:1") == frozenset()
+    assert archives.ids([str(tmp_path / "none.tar"), "~nobody-at-all/x.tar"], "lab/a:1") == frozenset()
+    assert archives.ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") == {ID, f"sha256:{digest(ARM)}"}
+
+
+# --- without what a node has ------------------------------------------------------------------------------------------
+
+BASE = tar_of({f"usr/share/file{number}": b"" for number in range(99)})
+OWN, NEXT = tar_of({"app/one": b""}), tar_of({"app/two": b""})
+Make = Callable[[Path, str, Sequence[bytes]], str]
+
+
+def linked(path: Path, tag: str, layers: Sequence[bytes]) -> str:
+    """As `docker save` did before version 25 and podman does: a layer that stands there already is a link."""
+    config = encoded({"architecture": "amd64", "rootfs": {"diff_ids": [f"sha256:{digest(one)}" for one in layers]}})
+    names = [f"{number}/layer.tar" for number in range(len(layers))]
+    manifest = [{"Config": "config.json", "RepoTags": [tag], "Layers": names}]
+    with tarfile.open(path, "w") as tar:
+        for name, content in zip(names, layers, strict=True):
+            kept, link = tarfile.TarInfo(f"{digest(content)}.tar"), tarfile.TarInfo(name)
+            kept.size, link.type, link.linkname = len(content), tarfile.SYMTYPE, f"../{digest(content)}.tar"
+            tar.addfile(kept, io.BytesIO(content))
+            tar.addfile(link)
+        for name, content in (("config.json", config), ("manifest.json", encoded(manifest))):
+            info = tarfile.TarInfo(name)
+            info.size = len(content)
+            tar.addfile(info, io.BytesIO(content))
+    return str(path)
+
+
+def sha(content: bytes) -> str:
+    return f"sha256:{digest(content)}"
+
+
+def thin(path: str, blobs: set[str], place: Path) -> frozenset[str] | None:
+    return thin_archive(path, archive_images(path, "aarch64" if "oci" in path else "x86_64"), blobs, place)
+
+
+def held(place: Path) -> dict[str, bytes]:
+    with tarfile.open(place) as tar:
+        return {member.name: tar.extractfile(member).read() for member in tar.getmembers()}  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("make", [docker_image, oci_image, linked])
+def test_only_what_the_node_lacks_is_in_it(make: Make, tmp_path: Path) -> None:
+    path, place = make(tmp_path / f"{make.__name__}.tar", "lab/apps:1.1", [BASE, NEXT]), tmp_path / "thin.tar"
+    needed = thin(path, {sha(BASE), sha(OWN)}, place)
+    assert needed is not None
+    assert {sha(BASE), sha(NEXT)} < needed
+    files = held(place)
+    assert f"blobs/sha256/{digest(NEXT)}" in files and f"blobs/sha256/{digest(BASE)}" not in files
+    assert all(digest(content) == name.rpartition("/")[2] for name, content in files.items() if "blobs/" in name)
+    assert {f"sha256:{name.rpartition('/')[2]}" for name in files if "blobs/" in name} == needed - {sha(BASE)}
+    # a node that imports it gets the same image
+    (image,), (again,) = archive_images(path), archive_images(str(place))
+    assert (again.ref, again.id) == (image.ref, image.id) == ("docker.io/lab/apps:1.1", image.id)
+    (entry,) = json.loads(files["index.json"])["manifests"]
+    manifest = json.loads(files[f"blobs/sha256/{entry['digest'].partition(':')[2]}"])
+    assert [one["digest"] for one in manifest["layers"]] == [sha(BASE), sha(NEXT)]
+    assert [one["size"] for one in manifest["layers"]] == [len(BASE), len(NEXT)]
+
+
+def test_it_is_the_same_file_each_time(tmp_path: Path) -> None:
+    """An interrupted copy is resumed by the next run."""
+    path = docker_image(tmp_path / "a.tar", "a:1", [BASE, NEXT])
+    places = [tmp_path / name for name in ("one", "two")]
+    for place in places:
+        assert thin(path, {sha(BASE)}, place)
+    assert places[0].read_bytes() == places[1].read_bytes()
+
+
+def compressed(path: Path) -> str:
+    return docker_image(path, "a:1", [gzip.compress(BASE), NEXT])
+
+
+def whole_gzip(path: Path) -> str:
+    docker_image(path, "a:1", [BASE, NEXT])
+    path.write_bytes(gzip.compress(path.read_bytes()))
+    return str(path)
+
+
+def one_layer_gone(path: Path) -> str:
+    config = encoded({"architecture": "amd64", "rootfs": {"diff_ids": [sha(BASE), sha(NEXT)]}})
+    manifest = [{"Config": "config.json", "RepoTags": ["a:1"], "Layers": ["base.tar", "next.tar"]}]
+    return archive(path, {"config.json": config, "manifest.json": encoded(manifest), "next.tar": NEXT})
+
+
+@pytest.mark.parametrize(
+    ("make", "blobs"),
+    [
+        (lambda path: docker_image(path, "a:1", [BASE, NEXT]), set()),  # nothing to leave out
+        (compressed, {sha(BASE), sha(gzip.compress(BASE))}),  # which digest such a layer has there is not sure
+        (whole_gzip, {sha(BASE)}),  # what is left is larger than the whole, which is compressed
+        (one_layer_gone, {sha(BASE)}),
+    ],
+)
+def test_in_doubt_the_whole_archive_travels(make: Callable[[Path], str], blobs: set[str], tmp_path: Path) -> None:
+    assert thin(make(tmp_path / "a.tar"), blobs, tmp_path / "thin.tar") is None
+
+
+def test_images_of_one_archive_share_their_layers(tmp_path: Path) -> None:
+    first, second = (docker_image(tmp_path / f"{name}.tar", f"lab/{name}:1", [BASE, own])
+                     for name, own in (("one", OWN), ("two", NEXT)))  # fmt: skip
+    both: list[Any] = []
+    files: dict[str, bytes] = {}
+    for path in (first, second):
+        with tarfile.open(path) as tar:
+            files.update({one.name: tar.extractfile(one).read() for one in tar.getmembers()})  # type: ignore[union-attr]
+        both += json.loads(files["manifest.json"])
+    path = archive(tmp_path / "both.tar", {**files, "manifest.json": encoded(both)})
+    assert thin(path, {sha(OWN)}, tmp_path / "thin.tar")
+    with tarfile.open(tmp_path / "thin.tar") as tar:
+        names = tar.getnames()
+    assert names.count(f"blobs/sha256/{digest(BASE)}") == 1 and f"blobs/sha256/{digest(OWN)}" not in names

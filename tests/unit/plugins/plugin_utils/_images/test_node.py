@@ -12,16 +12,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref, opened
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import LABEL, PIN, Present, node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
     DIRECTORY,
     Brought,
     ImagesError,
     NodeImages,
+    auths,
+    images_plan,
+    images_problems,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.pins import LABEL
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ID,
     digest,
@@ -129,15 +132,10 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     )
     assert brought.changed
     assert node.calls == [
-        "look",
-        f"directory {DIRECTORY}",
-        "copy apps.tar 2m",
-        f"ctr --namespace k8s.io images import {place(archive)}",
-        f"absent {place(archive)}",
-        "crictl pull docker.io/library/redis:7",
-        "look",
-        f"pin wanted {APPS} wanted {REDIS}",
-    ]
+        "look", f"directory {DIRECTORY}", "copy apps.tar 2m",
+        f"ctr --namespace k8s.io images import {place(archive)}", f"absent {place(archive)}",
+        "crictl pull docker.io/library/redis:7", "look", f"pin wanted {APPS} wanted {REDIS}",
+    ]  # fmt: skip
     assert node.files == {}
     assert [text.split()[0] for text in said] == ["copying", "importing", "pulling"]
     node.calls.clear()
@@ -307,3 +305,68 @@ def test_wrong_credentials_are_told_and_not_shown(private: Node) -> None:
         NodeImages(private, logins=[credentials("wrong")]).bring([], ["r.example/app:1"])
     assert "crictl pull r.example/app:1: r.example/app:1: not authorized" in str(caught.value)
     assert "wrong" not in str(caught.value)
+
+
+# --- what is to be done -----------------------------------------------------------------------------------------------
+
+
+def listing(*images: tuple[str, list[str]]) -> str:
+    return json.dumps({"images": [{"id": digest, "repoTags": tags} for digest, tags in images]})
+
+
+@pytest.mark.parametrize(("text", "brings", "pulls"), [
+    ("", True, True), (listing(), True, True), (listing(("1", ["docker.io/lab/other:1.0"])), True, True),
+    (listing((ID, [APPS])), False, True), (listing((ID.partition(":")[2], [APPS])), False, True),
+    (listing(("sha256:old", [APPS, REDIS])), True, False),
+])  # fmt: skip
+def test_what_is_there_by_id_does_not_travel(tmp_path: Path, text: str, brings: bool, pulls: bool) -> None:
+    path = docker(tmp_path / "a.tar", ["lab/apps:1.0"])
+    names = ["redis:7", "docker.io/redis:7", "lab/apps:1.0"]  # what an archive holds is not pulled
+    plan = images_plan([{"path": path}], names, Present("x86_64", node_images(text)))
+    assert [*plan.bring] == ([path] if brings else [])
+    assert plan.pull == ([REDIS] if pulls else [])
+    assert plan.wanted == {APPS: ID, REDIS: ""}
+
+
+def test_only_the_named_images_count(tmp_path: Path) -> None:
+    path = docker(tmp_path / "a.tar", ["lab/apps:1.0", "lab/ros:noetic"])
+    present = Present("x86_64", {APPS: ID})
+    assert images_plan([{"path": path}], [], present).bring
+    assert images_plan([{"path": path, "images": ["lab/apps:1.0"]}], [], present).bring == {}
+    with pytest.raises(SpecError, match=r"does not hold docker.io/lab/apps:2.0, only docker.io/lab/apps:1.0"):
+        images_plan([{"path": path, "images": ["lab/apps:2.0"]}], [], present)
+
+
+def test_an_archive_for_another_machine_is_refused(tmp_path: Path) -> None:
+    path = docker(tmp_path / "d.tar", ["a:1"])
+    with pytest.raises(SpecError, match="holds images for amd64, but the host is aarch64"):
+        images_plan([{"path": path}], [], Present("aarch64", {}))
+
+
+def test_problems_after_the_import() -> None:
+    wanted = {APPS: ID, REDIS: "", "docker.io/lab/ros:1": ID}
+    present = node_images(listing(("sha256:other", ["docker.io/lab/ros:1", REDIS])))
+    assert images_problems(wanted, present) == [
+        f"{APPS} is not there",
+        f"docker.io/lab/ros:1 has the ID sha256:other, not {ID}",
+    ]
+
+
+def login(registry: str, user: str = "u") -> dict[str, str]:
+    return {"name": "pull", "registry": registry, "username": user, "password": "p:w"}
+
+
+@pytest.mark.parametrize(("image", "registry", "fits"), [
+    ("r.example/app:1", "r.example", True), ("r.example/app:1", "https://r.example/v2/", True),
+    ("r.example:5000/app:1", "r.example:5000", True), ("r.example:5000/app:1", "r.example", False),
+    ("r.example.org/app:1", "r.example", False), ("r.example/team/app@sha256:0", "r.example/team", True),
+    ("r.example/teams/app:1", "r.example/team", False), ("redis:7", "https://index.docker.io/v1/", True),
+    ("team/app", "docker.io", True), ("r.example/app:1", "docker.io", False),
+])  # fmt: skip
+def test_which_registry(image: str, registry: str, fits: bool) -> None:
+    assert auths(image, [login(registry)]) == ([b64encode(b"u:p:w").decode()] if fits else [])
+
+
+def test_several_and_those_that_somebody_else_keeps() -> None:
+    logins = [login("r.example", "a"), {"name": "other"}, login("r.example", "b"), login("r.example", "a")]
+    assert auths("r.example/app", logins) == [b64encode(f"{user}:p:w".encode()).decode() for user in "ab"]

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is done about k3s in each state that a host can be in."""
+"""What is done about k3s in each state that a host can be in, and what forbids it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,22 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import file_changes, old_archives, plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import (
+    file_changes,
+    old_archives,
+    plan,
+    refusal,
+    refusals,
+    restarts_pods,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, Wanted
 
 CONFIG = HostFile("/etc/rancher/k3s/config.yaml", "a: 1\n", "0600", secret=False)
 DIGEST = hashlib.sha256(b"a: 1\n").hexdigest()
+VERSION = "v1.34.2+k3s1"
 NOW: dict[str, Any] = {
-    "version": "v1.34.2+k3s1",
+    "version": VERSION,
     "files": {
         CONFIG.path: {"exists": True, "sha256": DIGEST, "mode": "0600"},
         "/usr/local/bin/k3s": {"exists": True, "sha256": "binary", "mode": "0755"},
@@ -30,22 +38,14 @@ NOW: dict[str, Any] = {
     "change": {"unproven": False, "version": ""},
     "tokens": {"server": "same", "agent": "same"},
 }
-WANTED = Wanted(
-    role="server",
-    service="k3s",
-    init=True,
-    url="https://edge1:6443",
-    files=(CONFIG,),
-    tokens=("token", "agent-token"),
-    started_with=(),
-    kubeconfig="/home/me/edge.yaml",
-)
+TOKENS, KUBECONFIG = ("token", "agent-token"), "/home/me/edge.yaml"
+WANTED = Wanted("server", "k3s", True, "https://edge1:6443", (CONFIG,), TOKENS, (), KUBECONFIG)
 SOURCE = Artifacts(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
 NO_ARCHIVE = Artifacts(sha256="binary")
 
 
 def planned(
-    now: dict[str, Any], source: Artifacts = SOURCE, version: str = "v1.34.2+k3s1", right: bool = True, **wanted: Any
+    now: dict[str, Any], source: Artifacts = SOURCE, version: str = VERSION, right: bool = True, **wanted: Any
 ) -> dict[str, Any]:
     """The plan for a ready host after changes; in `now`, `a__b` reaches into a."""
     facts = copy.deepcopy(NOW)
@@ -121,3 +121,101 @@ def test_archives_of_other_versions_are_old() -> None:
     names = ["k3s-airgap-images-arm64-0123456789ab.tar.zst", "apps.tar", ".cache.json"]
     now = {"images": dict.fromkeys([*names, SOURCE.archive_name], 1)}
     assert old_archives(now, SOURCE) == names[:1]
+
+
+# --- what forbids it --------------------------------------------------------------------------------------------------
+
+SOUND: dict[str, Any] = {**NOW, "machine": "x86_64", "other_service": False, "cgroup_refused": False}
+VARIABLES: dict[str, Any] = {
+    "k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"], "k3s_install_source": "release",
+    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "",
+}  # fmt: skip
+
+
+def test_a_sound_host_is_not_refused() -> None:
+    assert list(refusals(SOUND, VARIABLES, "edge1")) == []
+
+
+@pytest.mark.parametrize(
+    ("now", "variables", "words"),
+    [
+        ({"tokens": {"server": "differs", "agent": "same"}}, {}, "k3s_token is not the token that the cluster edge"),
+        ({"tokens": {"server": "same", "agent": "differs"}}, {}, "k3s_agent_token is not the agents' token"),
+        ({"tokens": {"server": "lost", "agent": "same"}}, {}, "not that cluster's tokens in /etc/rancher/k3s"),
+        ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
+        ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
+        ({}, {"k3s_install_source": "airgap"}, "needs k3s_airgap_dir"),
+        ({"version": "v1.35.0+k3s1"}, {}, "k3s v1.34.2+k3s1 is older than v1.35.0+k3s1"),
+        ({"version": "v1.31.1+k3s1"}, {}, "a minor version is skipped"),
+        ({"version": "v1.35.0+k3s1", "change": {"unproven": False, "version": "v1.34.2+k3s1"}}, {}, "is older than"),
+        ({"cgroup_refused": True}, {"k3s_version": "v1.35.5+k3s1"}, "which has cgroup v1"),
+        ({"machine": "riscv64"}, {}, "no k3s for the architecture riscv64"),
+    ],
+)
+def test_each_is_named(now: dict[str, Any], variables: dict[str, Any], words: str) -> None:
+    (found,) = refusals({**SOUND, **now}, {**VARIABLES, **variables}, "edge1")
+    assert words in found
+
+
+@pytest.mark.parametrize(
+    ("now", "variables"),
+    [
+        ({"version": "v1.35.0+k3s1", "change": {"unproven": True, "version": "v1.34.2+k3s1"}}, {}),
+        ({"version": "v1.35.0+k3s1"}, {"k3s_install_source": "airgap", "k3s_airgap_dir": "/srv"}),
+    ],
+)
+def test_the_way_back_from_what_nobody_has_proven_is_open(now: dict[str, Any], variables: dict[str, Any]) -> None:
+    assert list(refusals({**SOUND, **now}, {**VARIABLES, **variables}, "edge1")) == []
+
+
+def test_all_are_found_at_once() -> None:
+    assert len(list(refusals({**SOUND, "machine": "vax", "other_service": True}, VARIABLES, "edge1"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("installed", "wanted", "more", "words"),
+    [
+        ("", VERSION, {}, ""),
+        (VERSION, "", {}, ""),
+        (VERSION, VERSION, {}, ""),
+        (VERSION, "v1.34.3+k3s1", {}, ""),
+        (VERSION, "v1.34.2+k3s2", {}, ""),
+        ("v1.34.2-rc1+k3s1", VERSION, {}, ""),
+        ("v1.34.2+k3s1", "v1.34.2+lab1", {}, ""),
+        ("a build of our own", VERSION, {}, ""),
+        (VERSION, "v1.34.1+k3s1", {}, "k3s v1.34.1+k3s1 is older than v1.34.2+k3s1, which runs there"),
+        ("v1.35.0+k3s1", VERSION, {}, "is older than v1.35.0+k3s1"),
+        ("v1.34.2+k3s2", VERSION, {}, "is older than"),
+        (VERSION, "v1.34.2-rc1+k3s1", {}, "is older than"),
+        ("v1.34.2+k3s10", "v1.34.2+k3s9", {}, "is older than"),
+        ("v1.31.1+k3s1", VERSION, {}, "a minor version is skipped"),
+        ("v1.32.1+k3s1", VERSION, {}, "Go to a version v1.33.x first"),
+        # what nobody has proven is left as it came
+        ("v1.34.3+k3s1", VERSION, {"back_to": VERSION}, ""),
+        ("v1.34.3+k3s1", "v1.34.1+k3s1", {"back_to": VERSION}, "is older than"),
+        # an agent
+        (VERSION, "v1.34.3+k3s1", {"servers": ["v1.34.3+k3s1"]}, ""),
+        (VERSION, "v1.34.3+k3s1", {"servers": ["v1.34.3+k3s1", VERSION]}, "newer than its cluster's servers (v1.34.2"),
+        ("", VERSION, {"servers": ["v1.33.5+k3s1"]}, "Bring the servers to that version first"),
+        ("", VERSION, {"servers": ["of our own"]}, ""),
+        # a host with cgroup v1
+        (VERSION, "v1.34.3+k3s1", {"cgroup_refused": True}, ""),
+        (VERSION, "v1.35.5+k3s1", {"cgroup_refused": True}, "k3s v1.35.5+k3s1 does not start on this host"),
+        ("", "v1.35.5+k3s1", {"cgroup_refused": True}, "systemd.unified_cgroup_hierarchy=1"),
+        ("v1.35.4+k3s1", "v1.35.5+k3s1", {"cgroup_refused": True}, ""),
+        (VERSION, "v1.35.5+k3s1", {}, ""),
+        (VERSION, "", {"cgroup_refused": True}, ""),
+    ],
+)
+def test_refusals(installed: str, wanted: str, more: dict[str, Any], words: str) -> None:
+    found = refusal(installed, wanted, **more)
+    assert words in found
+    assert bool(found) is bool(words)
+
+
+@pytest.mark.parametrize(("installed", "wanted", "restarts"), [
+    ("v1.30.9+k3s1", "v1.31.0+k3s1", True), (VERSION, "v1.34.9+k3s1", False), (VERSION, "", False),
+    ("ours", VERSION, False),
+])  # fmt: skip
+def test_another_minor_version_may_start_all_containers_again(installed: str, wanted: str, restarts: bool) -> None:
+    assert restarts_pods(installed, wanted) is restarts

@@ -31,11 +31,9 @@ def config(host: str, **given: Any) -> dict[str, Any]:
 
 
 SERVER = {
-    "write-kubeconfig-mode": "0600",
-    "disable": ["traefik", "servicelb"],
-    "token-file": "/etc/rancher/k3s/token",
+    "write-kubeconfig-mode": "0600", "disable": ["traefik", "servicelb"], "token-file": "/etc/rancher/k3s/token",
     "agent-token-file": "/etc/rancher/k3s/agent-token",
-}
+}  # fmt: skip
 
 
 def test_the_configuration_of_each_part() -> None:
@@ -75,23 +73,13 @@ def test_an_endpoint_in_front_of_the_servers_is_joined_and_in_the_certificate() 
     assert yaml.safe_load(found.files[0].content)["tls-san"] == ["10.0.0.2", "edge2", "api.lan", "more"]
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "secret"),
-    [
-        ("etcd-s3-secret-key", "x", True),
-        ("etcd-s3-access-key", "x", True),
-        ("etcd-s3-proxy", "x", True),
-        ("datastore-endpoint", "x", True),
-        ("agent-token", "x", True),
-        ("vpn-auth", "name=tailscale,joinKey=x", True),
-        ("vpn-auth", "x", True),
-        ("kube-apiserver-arg", ["oidc-client-secret=x"], True),
-        ("kube-controller-manager-arg", ["cloud=https://me:x@example.org"], True),
-        ("kubelet-arg", ["max-pods=20"], False),
-        ("vpn-auth-file", "/etc/vpn", False),
-        ("token-file", "x", False),
-    ],
-)
+@pytest.mark.parametrize(("key", "value", "secret"), [
+    ("etcd-s3-secret-key", "x", True), ("etcd-s3-access-key", "x", True), ("etcd-s3-proxy", "x", True),
+    ("datastore-endpoint", "x", True), ("agent-token", "x", True), ("vpn-auth", "name=tailscale,joinKey=x", True),
+    ("vpn-auth", "x", True), ("kube-apiserver-arg", ["oidc-client-secret=x"], True),
+    ("kube-controller-manager-arg", ["cloud=https://me:x@example.org"], True),
+    ("kubelet-arg", ["max-pods=20"], False), ("vpn-auth-file", "/etc/vpn", False), ("token-file", "x", False),
+])  # fmt: skip
 def test_a_configuration_with_a_secret_is_not_shown(key: str, value: Any, secret: bool) -> None:
     assert part("robot1", k3s_config={key: value}).files[0].secret is secret
 

@@ -75,30 +75,15 @@ def unscheduled(name: str, owners: list[Object], message: str) -> Object:
 
 def deployment(replicas: int = 1, status: Object | None = None, revision: str = "2", **spec: Any) -> Object:
     """Generation 2, seen; rolled out unless the status says otherwise."""
-    done = {
-        "observedGeneration": 2,
-        "replicas": replicas,
-        "updatedReplicas": replicas,
-        "readyReplicas": replicas,
-        "availableReplicas": replicas,
-    }
-    return obj(
-        "Deployment",
-        "talker",
-        {"replicas": replicas, **spec},
-        {**done, **(status or {})},
-        generation=2,
-        annotations={"deployment.kubernetes.io/revision": revision},
-    )
+    counts = dict.fromkeys(("replicas", "updatedReplicas", "readyReplicas", "availableReplicas"), replicas)
+    shown = {"observedGeneration": 2, **counts, **(status or {})}
+    notes = {"deployment.kubernetes.io/revision": revision}
+    return obj("Deployment", "talker", {"replicas": replicas, **spec}, shown, generation=2, annotations=notes)
 
 
 def replica_set(name: str, revision: str) -> Object:
-    return obj(
-        "ReplicaSet",
-        name,
-        ownerReferences=owner("Deployment", "talker"),
-        annotations={"deployment.kubernetes.io/revision": revision},
-    )
+    notes = {"deployment.kubernetes.io/revision": revision}
+    return obj("ReplicaSet", name, ownerReferences=owner("Deployment", "talker"), annotations=notes)
 
 
 NEW, OLD = owner("ReplicaSet", "talker-new"), owner("ReplicaSet", "talker-old")
@@ -118,23 +103,14 @@ def set_pod(name: str, revision: str, containers: list[Object] | None = None) ->
 
 
 def daemon_set(desired: int = 2, status: Object | None = None, **spec: Any) -> Object:
-    done = {
-        "observedGeneration": 2,
-        "desiredNumberScheduled": desired,
-        "updatedNumberScheduled": desired,
-        "numberReady": desired,
-        "numberAvailable": desired,
-    }
-    return obj("DaemonSet", "talker", spec, {**done, **(status or {})}, generation=2)
+    kinds = ("desiredNumberScheduled", "updatedNumberScheduled", "numberReady", "numberAvailable")
+    shown = {"observedGeneration": 2, **dict.fromkeys(kinds, desired), **(status or {})}
+    return obj("DaemonSet", "talker", spec, shown, generation=2)
 
 
 def controller_revision(revision: str, number: int) -> Object:
-    made = obj(
-        "ControllerRevision",
-        f"talker-{revision}",
-        ownerReferences=owner("DaemonSet", "talker"),
-        labels={"controller-revision-hash": revision},
-    )
+    owners, labels = owner("DaemonSet", "talker"), {"controller-revision-hash": revision}
+    made = obj("ControllerRevision", f"talker-{revision}", ownerReferences=owners, labels=labels)
     return {**made, "revision": number}
 
 

@@ -16,12 +16,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlparse
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import RESOURCES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import RESOURCES
 
 PLURALS = {resource.plural for resource in RESOURCES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
-
-
 SERVICE_ADDRESS = "127.0.0.200"  # nothing listens there, which is known at once; which a Service gets that names none
 
 
@@ -176,18 +174,6 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._answer(404, "not found")
 
-    def do_PATCH(self) -> None:
-        self._write()
-
-    def do_POST(self) -> None:
-        self._write()
-
-    def do_PUT(self) -> None:
-        self._write()
-
-    def do_DELETE(self) -> None:
-        self._write()
-
     def _write(self) -> None:
         url = urlparse(self.path)
         query = {key: values[0] for key, values in parse_qs(url.query).items()}
@@ -199,10 +185,9 @@ class _Handler(BaseHTTPRequestHandler):
         content = self.headers.get("Content-Type") or ""
         with self.server.writing:
             status, answer = self.server.write(self.command, url.path, query, body, content)
-        if status == 200:
-            self._send(200, answer)
-        else:
-            self._answer(status, answer)
+        (self._send if status == 200 else self._answer)(status, answer)
+
+    do_PATCH = do_POST = do_PUT = do_DELETE = _write  # noqa: N815 - the library's names
 
     def _answer(self, status: int, message: str) -> None:
         self._send(status, {"kind": "Status", "status": "Failure", "message": message, "code": status})

@@ -1,14 +1,23 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is shown of a write."""
+"""What is shown of a write; what others put into an object of ours, and how it becomes ours to take away."""
 
 from __future__ import annotations
 
+import copy
 import json
+import re
 from typing import Any
 
-import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import applied, diff_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import (
+    applied,
+    applied_part,
+    diff_of,
+    foreign_fields,
+    left_fields,
+    taken_over,
+    without_fields,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 
 REF = Ref("Secret", "pull", "robot-robot1", "v1")
@@ -19,22 +28,14 @@ def secret(value: str, **metadata: Any) -> dict[str, Any]:
 
 
 def test_a_secret_is_never_shown_but_its_change_is() -> None:
-    note = {"annotations": {"kubectl.kubernetes.io/last-applied-configuration": "b2xk", "kept": "yes"}}
-    written = applied(REF, secret("b2xk", **note), secret("bmV3"))
-    (diff,) = diff_of([written])
-    assert written.changed
+    copied = {"annotations": {"kubectl.kubernetes.io/last-applied-configuration": json.dumps(secret("b2xk"))}}
+    (diff,) = diff_of([applied(REF, secret("b2xk", **copied), secret("bmV3"))])
     assert diff["before"]["data"] == {"a": "(hidden: the old value)", "same": "(hidden)"}
     assert diff["after"]["data"] == {"a": "(hidden: the new value)", "same": "(hidden)"}
-    assert diff["before"]["metadata"]["annotations"] == {"kept": "yes"}
-    assert "b2xk" not in str(written)
-    assert "bmV3" not in str(written)
-
-
-@pytest.mark.parametrize(("before", "after"), [(None, secret("bmV3")), (secret("bmV3"), None)])
-def test_a_secret_that_comes_or_goes_is_not_shown_either(before: Any, after: Any) -> None:
-    written = applied(REF, before, after)
-    assert written.changed
-    assert "bmV3" not in str(diff_of([written]))
+    others = diff_of([applied(REF, None, secret("bmV3")), applied(REF, secret("bmV3"), None)])
+    plain = diff_of([applied(REF, None, {**secret("bmV3"), "stringData": {"b": "b2xk"}})])
+    assert not re.search("b2xk|bmV3|c2FtZQ==", str([diff, others, plain]))
+    assert len(others) == 2
 
 
 def test_bookkeeping_is_no_change() -> None:
@@ -67,3 +68,119 @@ def test_an_apps_password_is_not_shown_nor_where_the_way_back_keeps_it() -> None
     assert app["before"] == deployment({"DB_PASSWORD": "(hidden: the old value)", "LEVEL": "1"})
     assert app["after"] == deployment({"DB_PASSWORD": "(hidden: the new value)", "LEVEL": "2"})
     assert "hush" not in str([app, history])
+
+
+# --- who set which fields ---------------------------------------------------------------------------------------------
+
+US = "rosops.fleet"
+APP, SIDECAR, EXTRA = 'k:{"name":"app"}', 'k:{"name":"shell"}', 'k:{"name":"DEBUG"}'
+PORT = 'k:{"containerPort":80,"protocol":"TCP"}'
+CONTAINER = {"name": "app", "image": "i:1", "env": [{"name": "A", "value": "1"}], "ports": [{"containerPort": 80}]}
+WANTED: dict[str, Any] = {
+    "apiVersion": "apps/v1",
+    "kind": "Deployment",
+    "metadata": {"name": "a", "namespace": "r"},
+    "spec": {"replicas": 1, "template": {"spec": {"containers": [CONTAINER], "nodeSelector": {"kind": "robot"}}}},
+}
+
+
+def pod(fields: dict[str, Any]) -> dict[str, Any]:
+    return {"f:template": {"f:spec": fields}}
+
+
+def update(manager: str, spec: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"manager": manager, "operation": "Update", "fieldsV1": {"f:spec": spec}, **more}
+
+
+OWN = {
+    APP: {
+        ".": {}, "f:name": {}, "f:image": {},
+        "f:env": {'k:{"name":"A"}': {".": {}, "f:name": {}, "f:value": {}}},
+        "f:ports": {PORT: {".": {}, "f:containerPort": {}}},
+    }
+}  # fmt: skip
+OURS = update(US, {"f:replicas": {}, **pod({"f:containers": OWN, "f:nodeSelector": {}})}, operation="Apply")
+OURS |= {"apiVersion": "apps/v1", "fieldsType": "FieldsV1"}
+STATUS = {
+    "manager": "k3s", "operation": "Update", "subresource": "status", "fieldsV1": {"f:status": {"f:replicas": {}}},
+}  # fmt: skip
+
+
+def shown(*entries: dict[str, Any], **spec: Any) -> dict[str, Any]:
+    """The object with defaults, one more container and variable, and who owns what."""
+    found = copy.deepcopy(WANTED)
+    found["metadata"] |= {"managedFields": [OURS, STATUS, *entries], "resourceVersion": "7"}
+    inner = found["spec"]["template"]["spec"]
+    inner["dnsPolicy"] = "ClusterFirst"
+    inner["containers"][0] |= {"env": [{"name": "A", "value": "1"}, {"name": "DEBUG", "value": "1"}]}
+    inner["containers"][0]["ports"] = [{"containerPort": 80, "protocol": "TCP"}]
+    inner["containers"].append({"name": "shell", "image": "busybox", "terminationMessagePath": "/dev/termination-log"})
+    found["spec"] |= spec
+    return found
+
+
+VARIABLE = {EXTRA: {".": {}, "f:name": {}, "f:value": {}}}
+BY_SET = update("kubectl-set", pod({"f:containers": {APP: {"f:image": {}, "f:env": VARIABLE}}}))
+BY_EDIT = update(
+    "kubectl-edit", {"f:paused": {}, **pod({"f:containers": {SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}})}
+)
+FOREIGN = {
+    "f:spec": {
+        "f:paused": {},
+        **pod({"f:containers": {APP: {"f:env": VARIABLE}, SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}}),
+    }
+}
+
+
+def test_what_others_put_beside_ours() -> None:
+    assert foreign_fields(shown(BY_SET, BY_EDIT, paused=True), WANTED, US) == FOREIGN
+
+
+def test_what_we_name_the_server_fills_in_or_controllers_write_is_none_of_it() -> None:
+    scaled = update("k3s", {"f:replicas": {}}, subresource="scale")
+    image = update("kubectl-set", pod({"f:containers": {APP: {"f:image": {}, "f:ports": {PORT: {".": {}}}}}}))
+    restarted = update("kubectl-rollout", {"f:template": {"f:metadata": {"f:annotations": {"f:restartedAt": {}}}}})
+    assert foreign_fields(shown(scaled, image, restarted), WANTED, US) == {}
+
+
+def test_a_mapping_that_is_one_field_has_to_be_the_wanted_one() -> None:
+    selector = update("kubectl-edit", pod({"f:nodeSelector": {}}))
+    found = shown(selector)
+    assert foreign_fields(found, WANTED, US) == {}
+    found["spec"]["template"]["spec"]["nodeSelector"]["disk"] = "ssd"
+    assert foreign_fields(found, WANTED, US) == {"f:spec": pod({"f:nodeSelector": {}})}
+
+
+def test_taken_over_it_is_as_if_we_had_applied_it() -> None:
+    found = shown(BY_SET, BY_EDIT, paused=True)
+    taken = taken_over(found, FOREIGN, US)
+    assert [entry["manager"] for entry in taken] == [US, "k3s", "kubectl-set"]  # of kubectl-edit nothing is left
+    assert taken[2]["fieldsV1"] == {"f:spec": pod({"f:containers": {APP: {"f:image": {}}}})}
+    now = {**found, "metadata": {**found["metadata"], "managedFields": taken}}
+    part = applied_part(now, US)
+    assert part is not None
+    assert part["spec"]["paused"] is True
+    assert [one["name"] for one in part["spec"]["template"]["spec"]["containers"]] == ["app", "shell"]
+    assert foreign_fields(now, WANTED, US) == {}
+    assert left_fields(now, WANTED, US) == FOREIGN  # a run that ends here leaves it to be seen
+    assert left_fields(found, WANTED, US) == {}
+
+
+def test_what_was_never_applied_is_taken_over_too() -> None:
+    """An object that somebody made anew out of a copy: the defaults are his, too."""
+    copied = update("velero", {"f:replicas": {}, "f:paused": {}, "f:progressDeadlineSeconds": {}})
+    found = {**shown(copied), "metadata": {"name": "a", "namespace": "r", "managedFields": [copied]}}
+    foreign = foreign_fields(found, WANTED, US)
+    assert foreign == {"f:spec": {"f:paused": {}, "f:progressDeadlineSeconds": {}}}
+    own, rest = taken_over(found, foreign, US)
+    assert (own["manager"], own["operation"], own["apiVersion"]) == (US, "Apply", "apps/v1")
+    assert (own["fieldsV1"], rest["fieldsV1"]) == (foreign, {"f:spec": {"f:replicas": {}}})
+
+
+def test_without_them_it_is_what_it_was() -> None:
+    left = without_fields(shown(BY_SET, BY_EDIT, paused=True), FOREIGN)
+    assert "paused" not in left["spec"]
+    assert left["spec"]["template"]["spec"]["containers"] == [
+        {**WANTED["spec"]["template"]["spec"]["containers"][0], "ports": [{"containerPort": 80, "protocol": "TCP"}]}
+    ]
+    assert left["spec"]["template"]["spec"]["dnsPolicy"] == "ClusterFirst"

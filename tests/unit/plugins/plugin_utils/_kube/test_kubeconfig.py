@@ -84,17 +84,10 @@ def test_of_a_hostile_one_nothing_but_authority_and_credentials_is_taken(tmp_pat
     forget_key_files()
 
 
-@pytest.mark.parametrize(
-    "user",
-    [
-        "username: a",
-        "client-key-data: S0VZ",
-        "client-certificate-data: Q0VSVA==",
-        'token: ""',
-        "token: [t]",
-        "client-certificate-data: {a: b}, client-key-data: S0VZ",
-    ],
-)
+@pytest.mark.parametrize("user", [
+    "username: a", "client-key-data: S0VZ", "client-certificate-data: Q0VSVA==", 'token: ""', "token: [t]",
+    "client-certificate-data: {a: b}, client-key-data: S0VZ",
+])  # fmt: skip
 def test_without_credentials_of_its_own_it_gives_no_access(tmp_path: Path, user: str) -> None:
     text = hostile(tmp_path / "proof", user)
     with pytest.raises(SpecError, match="neither client-certificate-data with client-key-data nor a token"):

@@ -10,17 +10,9 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
 PATH = "/apis/coordination.k8s.io/v1/namespaces/robot-robot1/leases/updates"
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.time = 1000.0
-
-    def now(self) -> float:
-        return self.time
 
 
 def lease(kube: Kube, holder: str, clock: Clock, wall: float = 1_700_000_000.0) -> Lease:
@@ -49,6 +41,8 @@ def test_let_go_it_is_free_at_once(server: Server, kube: Kube) -> None:
     ours.release()
     assert theirs.acquire().mine
     assert not ours.renew().mine
+    theirs.release()
+    assert not ours.renew().mine  # nobody's, and lost all the same
     assert server.find(PATH)["spec"]["leaseTransitions"] == 1
 
 

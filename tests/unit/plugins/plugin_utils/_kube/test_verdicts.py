@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, targets_for
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target, View, parse_refs, targets_for
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Verdict, error_end, why_not_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
     LATER,
@@ -240,6 +240,16 @@ def with_container(state: Object) -> View:
 )  # fmt: skip
 def test_pods(row: Row) -> None:
     check(DEPLOYMENT, row)
+
+
+def test_a_missing_python_is_explained_once_wherever_it_is_told() -> None:
+    ended = {"exitCode": 128, "reason": "StartError", "message": NO_PYTHON}
+    one = pod("talker-1", [], [container(terminated=ended)])
+    creates = pod("talker-1", [], [waiting("ContainerCreating", NO_PYTHON)])
+    told = [why_not_ready(one), str(error_end(one, {})), why_not_ready(creates)]
+    assert [words.count(HINT) for words in told] == [1, 1, 1]
+    ended["message"] = "No module named rospy"  # which the app says itself
+    assert "no Python" not in why_not_ready(one)
 
 
 def two(first: str, second: str, containers: list[Object] | None = None) -> list[Object]:
@@ -477,6 +487,8 @@ def test_what_is_watched() -> None:
         ("StorageClass", ""),
         ("Node", ""),
     }
+    assert Target("StorageClass").path == "/apis/storage.k8s.io/v1/storageclasses"
+    assert Target("NetworkPolicy", NS).path == f"/apis/networking.k8s.io/v1/namespaces/{NS}/networkpolicies"
 
 
 def test_a_fresh_listing_replaces_what_was_known() -> None:
@@ -509,8 +521,4 @@ def test_present_pods_of_a_daemon_set_are_those_of_its_revision() -> None:
     foreign["metadata"]["ownerReferences"][0]["uid"] = "uid-of-a-namesake"
     assert names(DAEMON, daemon(*two("old", "new"), foreign)) == ["talker-1"]
     assert names(DAEMON, View([daemon_set(), *two("old", "new")])) == []
-
-
-def test_what_has_no_pods() -> None:
-    assert names(ref("ConfigMap"), View([pod("talker", [])])) == []
-    assert names(NODE, node()) == []
+    assert names(ref("ConfigMap"), View([pod("talker", [])])) == names(NODE, node()) == []

@@ -10,11 +10,9 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import telling
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS, latest, probe_line
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import HOPELESS, latest, probe_line, telling
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
     BEGUN_SECONDS,
     WaitOptions,
@@ -36,6 +34,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
     unscheduled,
     waiting,
 )
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock
 
 DEPLOYMENT = ref("Deployment")
 DEPLOYMENTS, SETS, PODS = Target("Deployment", NS), Target("ReplicaSet", NS), Target("Pod", NS)
@@ -43,25 +42,17 @@ TALKER = {"kind": "Deployment", "name": "talker", "namespace": NS}
 new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.time = 1000.0
-
-    def __call__(self) -> float:
-        return self.time
-
-
 class Script:
     """Plays changes at set times; the clock moves only while the wait waits."""
 
     def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[StreamEvent]]]) -> None:
-        self.clock, self.start = clock, clock.time
+        self.clock = clock
         self.steps = sorted(steps, key=lambda step: step[0])
         self.followed: list[Target] = []
         self.waits = 0
 
     def __call__(self, _kube: Any, targets: Iterable[Target]) -> Script:
-        self.follow(targets)
+        self.followed += targets
         return self
 
     def __enter__(self) -> Script:
@@ -70,15 +61,12 @@ class Script:
     def __exit__(self, *unused: object) -> None:
         """Nothing to end."""
 
-    def follow(self, targets: Iterable[Target]) -> None:
-        self.followed += targets
-
     def changes(self, timeout: float) -> list[StreamEvent]:
         self.waits += 1
         until = self.clock.time + timeout
-        if self.steps and self.start + self.steps[0][0] <= until:
+        if self.steps and self.steps[0][0] <= until:
             at, found = self.steps.pop(0)
-            self.clock.time = max(self.clock.time, self.start + at)
+            self.clock.time = max(self.clock.time, at)
             return found
         self.clock.time = until
         return []
@@ -129,7 +117,7 @@ class Run:
         self.clock = Clock()
         self.said: list[str] = []
         self.script = Script(self.clock, steps)
-        options = WaitOptions(say=self.said.append, now=self.clock, watch=self.script, **more)
+        options = WaitOptions(say=self.said.append, now=self.clock.now, watch=self.script, **more)
         self.error: Exception | None = None
         self.result: dict[str, Any] = {}
         try:
@@ -137,7 +125,7 @@ class Run:
         except (NotReadyError, ApiError) as exc:
             self.error = exc
             self.result = dict(exc.details)
-        self.took = self.clock.time - 1000.0
+        self.took = self.clock.time
 
     @property
     def message(self) -> str:
@@ -351,17 +339,13 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
     other = {**warning("talker-new-1", "of an earlier pod of that name", 7)}
     other["involvedObject"] = {**other["involvedObject"], "uid": "uid-earlier"}
     events = [
-        warning("talker-new-1", "second", 2),
-        warning("talker-new-1", "first", 1),
-        warning("talker-new-1", "known", 3, reason="BackOff"),
-        warning("talker-new-1", "Error: ContainerCreating", 4),
-        warning("talker-old-1", "on its way out", 5),
-        warning("talker-gone-1", "gone", 5),
-        warning("other-1", "not ours", 6),
-        other,
+        warning("talker-new-1", "second", 2), warning("talker-new-1", "first", 1),
+        warning("talker-new-1", "known", 3, reason="BackOff"), warning("talker-new-1", "Error: ContainerCreating", 4),
+        warning("talker-old-1", "on its way out", 5), warning("talker-gone-1", "gone", 5),
+        warning("other-1", "not ours", 6), other,
         warning("talker", "of the Deployment itself", 1, "Odd", "Deployment"),
         warning("talker-new", "of the replica set", 1, "FailedCreate", "ReplicaSet"),
-    ]
+    ]  # fmt: skip
     steps = (0.1, lists(FETCHES, gone_soon(old_pod), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube({"Event": events}), timeout=5)
     assert done.message.splitlines()[1:-1] == [
@@ -387,7 +371,7 @@ def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
         "... shutting down processing monitor complete",
     ]
     found = telling("\n".join(log))
-    assert found[0] == "started core service [/rosout]" or len(found) == 5
+    assert len(found) == 5
     assert "ERROR: cannot launch node of type [topic_tools/relay]: topic_tools" in found
     assert sum("killing on exit" in line for line in found) == 1
     assert telling("one\n\ntwo") == ["one", "two"]
@@ -449,6 +433,9 @@ def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_read
     assert done.error is None
     assert 4 <= len(kube.asked) <= 6
     assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
+    away = FakeKube()
+    Run((0.1, [*lists(RUNS, old_pod), lost(PODS)]), kube=away, timeout=9)
+    assert away.asked == []
 
 
 def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.download import fetch, listed_sum, proxies
+from ansible_collections.rosops.fleet.plugins.modules.k3s_download import fetch, listed_sum, proxies
 
 BINARY = b"k3s" * 1000
 SUM = hashlib.sha256(BINARY).hexdigest()

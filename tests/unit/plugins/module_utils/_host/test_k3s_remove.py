@@ -10,9 +10,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_leftovers as _k3s_cleanup
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_leftovers import Process
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_remove import Remover
+from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_remove
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_remove import Process, Remover
 
 SHIM = "containerd-shim-runc-v2 -namespace k8s.io -id 1a -address /run/k3s/containerd/containerd.sock"
 DOCKERS = "/usr/bin/containerd-shim-runc-v2 -namespace moby -id 9f -address /run/containerd/containerd.sock"
@@ -55,14 +54,14 @@ PROCESSES = [
 
 
 def test_processes_of_pods_and_units_end_children_first_and_those_in_pods_are_asked() -> None:
-    found = _k3s_cleanup.own_processes(PROCESSES)
+    found = k3s_remove.own_processes(PROCESSES)
     assert set(found) == {50, 60, 61, 62, 63}
     assert found.index(63) < found.index(62) < found.index(60)
-    assert sorted(_k3s_cleanup.in_pods(PROCESSES)) == [61, 62, 63]
+    assert sorted(k3s_remove.in_pods(PROCESSES)) == [61, 62, 63]
 
 
 def test_own_mounts_innermost_first_and_the_operators_stay() -> None:
-    found = _k3s_cleanup.own_mounts(MOUNTS)
+    found = k3s_remove.own_mounts(MOUNTS)
     assert found == [
         "/var/lib/kubelet/pods/1/volumes/kubernetes.io~projected/token",
         "/run/k3s/containerd/io.containerd.runtime.v2.task/k8s.io/1a/rootfs",
@@ -73,17 +72,14 @@ def test_own_mounts_innermost_first_and_the_operators_stay() -> None:
 
 def test_interfaces_of_other_bridges_stay() -> None:
     links = [("lo", ""), ("eth0", ""), ("cni0", ""), ("veth1", "cni0"), ("veth2", "docker0"), ("flannel.1", "")]
-    assert _k3s_cleanup.own_interfaces(links) == ["veth1", "cni0", "flannel.1"]
+    assert k3s_remove.own_interfaces(links) == ["veth1", "cni0", "flannel.1"]
 
 
 def test_other_firewall_rules_stay() -> None:
-    left = _k3s_cleanup.without_own_rules(RULES)
-    assert _k3s_cleanup.has_own_rules(RULES)
-    assert not _k3s_cleanup.has_own_rules(left)
-    assert "MASQUERADE" in left
-    assert "-A MINE -s 10.42.0.0/16" in left
-    assert left.startswith("# Generated")
-    assert left.endswith("COMMIT\n")
+    own = [number for number, line in enumerate(RULES.splitlines()) if "KUBE" in line or "CNI" in line]
+    left = [line for number, line in enumerate(RULES.splitlines()) if number not in own]
+    assert k3s_remove.without_own_rules(RULES).splitlines() == left
+    assert len(own) == 4
 
 
 PODMANS = ["var/lib/cni/networks/podman/10.88.0.5", "var/lib/cni/results/podman-2b-eth0"]
@@ -92,34 +88,27 @@ PODMANS = ["var/lib/cni/networks/podman/10.88.0.5", "var/lib/cni/results/podman-
 class Commands:
     def __init__(self) -> None:
         self.asked: list[list[str]] = []
+        self.rules = RULES
 
     def __call__(self, command: list[str], data: str | None = None) -> tuple[int, str, str]:
         self.asked.append(command)
-        return (0, RULES, "") if command[0].endswith("-save") else (0, data or "", "")
+        return (0, self.rules, "") if command[0].endswith("-save") else (0, data or "", "")
+
+
+FILES = (
+    "etc/systemd/system/k3s.service", "etc/systemd/system/k3s.service.previous", "etc/rancher/k3s/config.yaml",
+    "etc/rancher/node/password", "usr/local/bin/k3s", "usr/local/bin/k3s.previous", "usr/local/bin/kubectl",
+    "var/lib/rancher/k3s/server/db/state.db", "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/kubelet/config",
+    "var/lib/rosops-fleet/log-shipper/queue", "var/lib/rosops-fleet/claims/mine",
+    "var/lib/cni/networks/cbr0/10.42.0.5", "var/lib/cni/networks/podman/10.88.0.5",
+    "var/lib/cni/results/cbr0-1a-eth0", "var/lib/cni/results/podman-2b-eth0", "proc/self/mounts",
+    "sys/class/net/cni0/mtu",
+)  # fmt: skip
 
 
 @pytest.fixture
 def host(tmp_path: Path) -> Path:
-    for name in (
-        "etc/systemd/system/k3s.service",
-        "etc/systemd/system/k3s.service.previous",
-        "etc/rancher/k3s/config.yaml",
-        "etc/rancher/node/password",
-        "usr/local/bin/k3s",
-        "usr/local/bin/k3s.previous",
-        "usr/local/bin/kubectl",
-        "var/lib/rancher/k3s/server/db/state.db",
-        "var/lib/rancher/k3s/storage/pvc-1/data",
-        "var/lib/kubelet/config",
-        "var/lib/rosops-fleet/log-shipper/queue",
-        "var/lib/rosops-fleet/claims/mine",
-        "var/lib/cni/networks/cbr0/10.42.0.5",
-        "var/lib/cni/networks/podman/10.88.0.5",
-        "var/lib/cni/results/cbr0-1a-eth0",
-        "var/lib/cni/results/podman-2b-eth0",
-        "proc/self/mounts",
-        "sys/class/net/cni0/mtu",
-    ):
+    for name in FILES:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     (tmp_path / "usr/local/bin/crictl").symlink_to("k3s")
@@ -141,14 +130,16 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
     assert commands.asked[-1] == ["systemctl", "daemon-reload"]
     left = sorted(str(path.relative_to(host)) for path in host.rglob("*") if path.is_file())
     assert left == [
-        "etc/rancher/node/password",
-        "proc/self/mounts",
-        "sys/class/net/cni0/mtu",
-        "usr/local/bin/kubectl",
-        *PODMANS,
-        "var/lib/rancher/k3s/storage/pvc-1/data",
-        "var/lib/rosops-fleet/claims/mine",
-    ]
+        "etc/rancher/node/password", "proc/self/mounts", "sys/class/net/cni0/mtu", "usr/local/bin/kubectl", *PODMANS,
+        "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/rosops-fleet/claims/mine",
+    ]  # fmt: skip
+
+
+def test_a_firewall_without_our_rules_is_not_written(host: Path) -> None:
+    subject, commands = remover(host)
+    commands.rules = k3s_remove.without_own_rules(RULES)
+    assert subject.firewalls() == []
+    assert not any("restore" in command[0] for command in commands.asked)
 
 
 def test_removal_of_everything(host: Path) -> None:
