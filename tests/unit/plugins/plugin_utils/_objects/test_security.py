@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -19,7 +19,7 @@ APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
 def contexts(*apps: dict[str, Any], **variables: Any) -> dict[str, Any]:
     """Deployment -> its container's securityContext."""
     made = robot(*apps, **variables)
-    objects = [*master_objects(made), *app_objects(made), *exporter_objects(made, {}, ExporterOptions())]
+    objects = [*master_objects(made), *app_objects(made), *exporter_objects(made, {})]
     return {
         one["metadata"]["name"]: one["spec"]["template"]["spec"]["containers"][0].get("securityContext")
         for one in objects
