@@ -65,13 +65,8 @@ topics:
   returned: success
   type: dict
   sample:
-    /scan:
-      messages: 4000
-      publishers: 2
-      numbered: true
-      missing: 0
-      longest_gap: 0.11
-      unconnected_looks: {/mapping: 0}
+    /scan: {messages: 4000, publishers: 2, numbered: true, missing: 0, longest_gap: 0.11,
+            unconnected_looks: {/mapping: 0}}
 looks:
   description: How often it was seen who is connected.
   returned: success
