@@ -17,7 +17,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.cluster import foreseen
 from ..plugin_utils._action.gated import GatedAction
-from ..plugin_utils._action.robot_host import RobotHost
+from ..plugin_utils._action.host import RobotHost
 from ..plugin_utils._images.archive import normal_ref
 from ..plugin_utils._images.contents import Archives
 from ..plugin_utils._images.node import NodeImages
@@ -27,9 +27,8 @@ from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
-from ..plugin_utils._objects.images import images
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
-from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, tagged_parts, workload_objects
+from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.keep import keep_early
 from ..plugin_utils._update.cluster import KubeCluster, run_name
 from ..plugin_utils._update.engine import Engine

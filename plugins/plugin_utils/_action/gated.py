@@ -36,7 +36,7 @@ from .._update.world import World
 from . import voice
 from .clock import MonotonicClock
 from .cluster import ClusterAction
-from .robot_host import RobotHost
+from .host import RobotHost
 
 Came = TypeVar("Came")
 
