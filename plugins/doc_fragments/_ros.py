@@ -27,8 +27,9 @@ options:
 requirements:
   - Python 3.8 on the host that the module runs on, and nothing else; no ROS installation
 notes:
-  - Nothing is registered with the master and no service is called. Reading a topic's rate or an action's status opens a
-    connection to its publisher for that time, which a publisher that works only while somebody listens will notice.
+  - The module is not registered with the master and calls no service. Reading a topic's rate or an action's status
+    opens a connection to its publisher for that time, which a publisher that works only while somebody listens will
+    notice.
 """
 
     GATE = r"""

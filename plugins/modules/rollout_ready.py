@@ -135,8 +135,7 @@ attributes:
   check_mode:
     description: Looks once, and does neither wait nor fail because of a verdict.
     support: full
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -177,5 +176,4 @@ elapsed:
   description: Seconds it took.
   returned: always, unless the API was out of reach
   type: float
-  sample: 4.2
 """

@@ -73,8 +73,7 @@ attributes:
     support: full
 seealso:
   - module: rosops.fleet.ros_ready
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -119,12 +118,10 @@ called_off:
   description: How often goals were held and let go again, because one had come before.
   returned: with O(state=held)
   type: int
-  sample: 0
 elapsed:
   description: Seconds that it took.
   returned: always
   type: float
-  sample: 0.731
 """
 
 import contextlib

@@ -82,8 +82,7 @@ extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_ready
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -171,7 +170,6 @@ elapsed:
   description: Seconds that it took.
   returned: success
   type: float
-  sample: 0.062
 """
 
 import time

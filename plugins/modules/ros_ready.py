@@ -40,8 +40,7 @@ extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -84,7 +83,6 @@ ready:
   description: Whether every condition holds.
   returned: always
   type: bool
-  sample: true
 verdict:
   description: V(pass), V(wait) where the time was over, V(fail) where waiting would not have helped.
   returned: always
@@ -94,12 +92,10 @@ elapsed:
   description: Seconds from the first look to the verdict.
   returned: always
   type: float
-  sample: 0.041
 looks:
   description: Number of looks taken.
   returned: always
   type: int
-  sample: 1
 errors:
   description: Every option with a value that cannot be, where there are any; nothing was asked then.
   returned: on bad options
@@ -109,7 +105,6 @@ held:
   description: Seconds for which every look had found every condition true at the end.
   returned: when the graph was looked at
   type: float
-  sample: 10.2
 checks:
   description:
     - The last look, condition by condition, each with its C(verdict) and in C(reason) what was seen, in words.

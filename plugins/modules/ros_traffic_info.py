@@ -37,8 +37,7 @@ extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -71,7 +70,6 @@ looks:
   description: How often it was seen who is connected.
   returned: success
   type: int
-  sample: 400
 """
 
 import time

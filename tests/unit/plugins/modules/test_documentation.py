@@ -40,7 +40,8 @@ def documented(module: Any) -> dict[str, Any]:
     """The options, with those of the fragments, as Ansible merges them."""
     text = yaml.safe_load(module.DOCUMENTATION)
     found: dict[str, Any] = {}
-    for name in text.get("extends_documentation_fragment", ()):
+    extends = text.get("extends_documentation_fragment", [])
+    for name in [extends] if isinstance(extends, str) else extends:
         _namespace, _collection, file, *part = name.split(".")
         fragment = importlib.import_module(f"{FRAGMENTS}.{file}").ModuleDocFragment
         said = getattr(fragment, part[0].upper() if part else "DOCUMENTATION")
