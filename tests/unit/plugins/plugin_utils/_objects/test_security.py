@@ -69,6 +69,12 @@ def test_overrides_come_last() -> None:
     assert found["ros-master"] == found["ros-keeper"] == expected
 
 
+def test_a_container_that_somebody_puts_beside_ours_is_his() -> None:
+    beside = {"spec": {"template": {"spec": {"containers": [{"name": "mine", "image": "example.org/mine:1"}]}}}}
+    containers = master_objects(robot(master={"overrides": beside}))[0]["spec"]["template"]["spec"]["containers"]
+    assert ["securityContext" in one for one in containers] == [True, False]
+
+
 def in_the_container(context: dict[str, Any], before: set[str]) -> set[str]:
     """What containerd makes of capabilities: ALL first, then what is added, then what is dropped."""
     asked = context["capabilities"]

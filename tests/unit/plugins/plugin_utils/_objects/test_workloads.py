@@ -160,6 +160,21 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
     assert not {"command", "args"} & set(own)
 
 
+@pytest.mark.parametrize(
+    ("changes", "waits"),
+    [
+        ({}, True),
+        ({"pattern": "pubsub"}, False),  # it has a name of its own
+        ({"readiness": {"nodes": False}}, False),
+        ({"host_network": True, "placement": "local"}, False),  # nobody can tell whose a process is
+    ],
+)
+def test_a_new_version_waits_for_the_end_of_the_node_of_its_name(changes: dict[str, Any], waits: bool) -> None:
+    assert ("--after" in container(deployment(command=["talk"], **changes))["command"]) is waits
+    beside = pod(deployment(hooks="sidecar", **changes))["initContainers"][0]
+    assert ("--after" in beside["command"]) is waits
+
+
 def test_hooks_beside_the_app_are_told_what_they_are_told_within_it() -> None:
     def told(one: dict[str, Any]) -> dict[str, Any]:
         return {item["name"]: item.get("value", item.get("valueFrom")) for item in one["env"]}
