@@ -156,7 +156,7 @@ class ActionModule(GatedAction):
             return ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
 
         cluster = KubeCluster(kube, self.say(self._vars), run_name(self._vars))
-        engine = Engine(robot, settings, cluster, self.world(self._vars, self.modules(self._vars, source)))
+        engine = Engine(robot, settings, cluster, self.world(self._vars, source))
         outcome, self._since = engine.run(), engine.waiting
         if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
             keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))

@@ -45,16 +45,15 @@ class ClusterAction(FleetAction):
     of_users: ClassVar[bool] = False
     adoption: Identity | None = None  # what the cluster is and does not say yet
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._apis: dict[str, dict[str, str]] = {}
-
     def options(self) -> dict[str, Any]:
         return {**AUTH_ARG_SPEC, **self.ARGUMENTS}
 
     def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        self._apis: dict[str, dict[str, str]] = {}
         # The task's `environment`, which a module would find in its own. This process, too, is of one task alone.
-        os.environ.update(self._environment())
+        environment: dict[str, Any] = {}
+        self._compute_environment_string(environment)
+        os.environ.update({str(key): str(value) for key, value in environment.items()})
         try:
             result = self.work(params, known)
         except NoClusterError:
@@ -145,11 +144,6 @@ class ClusterAction(FleetAction):
             why = " ".join(f"{found.get('msg') or ''} {said}".replace(BEGIN, "").replace(END, "").split())
             raise KubeError(f"{KUBECONFIG} cannot be read there: {why[:300]}")
         return text
-
-    def _environment(self) -> dict[str, str]:
-        found: dict[str, Any] = {}
-        self._compute_environment_string(found)
-        return {str(key): str(value) for key, value in found.items()}
 
 
 def written(done: Sequence[Applied]) -> dict[str, Any]:

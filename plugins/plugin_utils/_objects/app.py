@@ -130,14 +130,9 @@ def _container(app: App, robot: Robot) -> Object:
     if app.devices:
         # Kubernetes gives a device node to a container only through a device plugin or to a privileged one.
         container["securityContext"] = {"privileged": True}
-    if app.hooks == "sidecar":
-        container.update(hooks.asking_fields(app))
-    elif app.hooks == "app":
-        container.update(hooks.app_probes(app.readiness.command))
-        if app.command:  # without one only the image knows what it starts
-            container["command"] = [*hooks.code_command("exec"), *hooks.begin_after(app, robot), *app.command]
-    elif app.readiness.command:
-        container.update(hooks.command_probes(app.readiness.command))
+    container.update(hooks.probes(app))
+    if app.hooks == "app" and app.command:  # without one only the image knows what it starts
+        container["command"] = [*hooks.code_command("exec"), *hooks.begin_after(app, robot), *app.command]
     return container
 
 

@@ -93,18 +93,30 @@ def code_volume(app: App | None = None) -> Object:
     return {"name": names.CODE_NAME, "projected": {"sources": [{"configMap": item} for item in maps]}}
 
 
-def app_probes(command: str | Sequence[str] | None) -> Object:
-    """The container's fields that call the code; `command` is readiness.command.
+def probes(app: App) -> Object:
+    """The fields of the app's container by which the kubelet asks whether it is ready, and tells it to stop.
 
     `started` looks every tenth of a second by itself and answers before its time-out, so that Kubernetes' one second
     does not count. Once it has passed the pod is ready and nothing of ours is started in it again: a robot at rest does
-    not pay for being asked. What becomes of the node later is seen on the graph.
+    not pay for being asked. What becomes of the node later is seen on the graph. The hooks beside an app are asked for
+    the same moments. Without any of ours readiness.command is asked often until it has passed, then seldom.
     """
-    return {
-        "startupProbe": exec_probe(code_command("started"), period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER),
-        **({"readinessProbe": steady_probe(command)} if command else {}),
-        "lifecycle": {"preStop": {"exec": {"command": code_command("stop")}}},
-    }
+    command = app.readiness.command
+    found: Object = {}
+    if command:
+        # once it has agreed it goes on for ever, so seldom
+        found["readinessProbe"] = exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
+    if app.hooks == "sidecar":
+        found["startupProbe"] = _startup("/started", STARTED_TIMEOUT)
+        found["lifecycle"] = {"preStop": _asked("/stop")}
+    elif app.hooks == "app":
+        started, stop = code_command("started"), code_command("stop")
+        found["startupProbe"] = exec_probe(started, period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER)
+        found["lifecycle"] = {"preStop": {"exec": {"command": stop}}}
+    elif command:
+        start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
+        found["startupProbe"] = start
+    return found
 
 
 def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
@@ -120,27 +132,6 @@ def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
         "volumeMounts": [code_mount()],
         "startupProbe": _startup("/begin", BEGIN_TIMEOUT),
     }
-
-
-def asking_fields(app: App) -> Object:
-    """What the app's container has of it: the same moments as with hooks of its own, asked for by the kubelet."""
-    command = app.readiness.command
-    return {
-        "startupProbe": _startup("/started", STARTED_TIMEOUT),
-        **({"readinessProbe": steady_probe(command)} if command else {}),
-        "lifecycle": {"preStop": _asked("/stop")},
-    }
-
-
-def command_probes(command: str | Sequence[str]) -> Object:
-    """The probes of an app that has readiness.command but not our code: often until it has passed, then seldom."""
-    start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
-    return {"startupProbe": start, "readinessProbe": steady_probe(command)}
-
-
-def steady_probe(command: str | Sequence[str]) -> Object:
-    """Of readiness.command, once it has agreed: it goes on for ever, so seldom."""
-    return exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
 
 
 def probe_command(command: str | Sequence[str]) -> list[str]:
