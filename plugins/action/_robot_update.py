@@ -129,7 +129,9 @@ class ActionModule(GatedAction):
             return self._without_cluster(error, result)
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
-        check, edge = bool(self._task.check_mode), self._edge_images()
+        check, edge, look = bool(self._task.check_mode), self._edge_images(), None
+        if params["come_back"] and params["own"]:
+            look = look_seconds(params["busy_timeout"], bool(self._before.get("since")))
         settings = Settings(
             Request(
                 only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
@@ -139,7 +141,7 @@ class ActionModule(GatedAction):
             code=CODE,
             parts=self._parts,
             pull_secrets=self._pull_secrets(),
-            look_timeout=self._look_timeout(params),
+            look_timeout=look,
             since=self._before.get("since") or {},
             earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
             edge_images={name: list(there) for name, there in edge.items()},
@@ -164,11 +166,6 @@ class ActionModule(GatedAction):
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome
-
-    def _look_timeout(self, params: Arguments) -> float | None:
-        if not (params["come_back"] and params["own"]):
-            return None
-        return look_seconds(params["busy_timeout"], bool(self._before.get("since")))
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""

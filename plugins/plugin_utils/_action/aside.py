@@ -104,10 +104,6 @@ def _live(server: socket.socket, directory: Path, run_lives: Callable[[], bool],
 
 def _read(line: socket.socket) -> dict[str, Any]:
     """One line, or all there is; empty where that is nothing."""
-    data = b""
-    while not data.endswith(b"\n"):
-        part = line.recv(65536)
-        if not part:
-            break
-        data += part
+    with line.makefile() as file:
+        data = file.readline()
     return dict(json.loads(data)) if data else {}
