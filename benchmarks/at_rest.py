@@ -26,8 +26,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import INTERVAL, TIMEOUT, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import PROBE, master_objects
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     environment,
@@ -196,7 +196,7 @@ def asked_of_the_master(scene: ExporterScene, pid: int) -> float:
 def measure(scene: ExporterScene, seconds: float) -> dict[str, Any]:
     """Rows of all parts, and how this core compares."""
     robot = specification()
-    objects = [*master_objects(robot), *app_objects(robot), *exporter_objects(robot, {}, ExporterOptions())]
+    objects = [*master_objects(robot), *app_objects(robot), *exporter_objects(robot, {})]
     nodes = start(scene)
     master = scene.processes["master"].pid
     time.sleep(5)
@@ -220,8 +220,8 @@ def measure(scene: ExporterScene, seconds: float) -> dict[str, Any]:
     time.sleep(1)
     took = shares({"sidecar": beside}, seconds)["sidecar"]
     rows.append(Row("one app's hooks in a sidecar, where it has one", took, *memory_mb(beside), ours=False))
-    exporter = scene.start_exporter(interval=ExporterOptions().interval, timeout=ExporterOptions().timeout).pid
-    time.sleep(ExporterOptions().interval)
+    exporter = scene.start_exporter(interval=INTERVAL, timeout=TIMEOUT).pid
+    time.sleep(INTERVAL)
     took = shares({"exporter": exporter}, seconds)["exporter"]
     took += probing(container(objects, EXPORTER), exporter, scene.exporter_port)
     rows.append(Row("exporter with its probes, where it is enabled", took, *memory_mb(exporter), ours=False))

@@ -22,7 +22,7 @@ from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ..plugin_utils._kube.client import Kube, ref_of
 from ..plugin_utils._kube.kubeconfig import keep, local_kubeconfig
 from ..plugin_utils._model.fleet import home_of
-from ..plugin_utils._objects.controller_access import controller_access
+from ..plugin_utils._objects.rights import controller_access
 
 TOKEN_SECONDS = 30.0
 

@@ -13,7 +13,7 @@ from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ..plugin_utils._model.context import Robot, master_namespace
 from ..plugin_utils._model.fleet import robot_from_vars
 from ..plugin_utils._objects.code_files import exporter_files
-from ..plugin_utils._objects.exporter import STORAGE, ExporterOptions, exporter_objects
+from ..plugin_utils._objects.exporter import exporter_objects
 from ..plugin_utils._update.addresses import located
 from ..plugin_utils._update.cluster import live_in
 
@@ -36,5 +36,4 @@ class ActionModule(ClusterAction):
 def _objects(params: Arguments, robot: Robot) -> list[Object]:
     # a directory of the host is more than these levels allow
     closed = robot.pod_security in ("baseline", "restricted")
-    options = ExporterOptions(statistics=params["statistics"], claims_path="" if closed else STORAGE)
-    return exporter_objects(robot, exporter_files(), options)
+    return exporter_objects(robot, exporter_files(), statistics=params["statistics"], claims=not closed)

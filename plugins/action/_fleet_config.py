@@ -12,8 +12,8 @@ from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._images.archive import Archives
 from ..plugin_utils._model.host_variables import HostVariables
-from ..plugin_utils._objects.images import images
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
+from ..plugin_utils._objects.parts import images
 from ..plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
 from ..plugin_utils._validate.folded import folded
 from ..plugin_utils._validate.hosts import fleet_hosts

@@ -17,7 +17,7 @@ from ..module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ..module_utils._host.k3s import BINARY
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import HostAction
-from ..plugin_utils._action.robot_host import RobotHost
+from ..plugin_utils._action.host import RobotHost
 from ..plugin_utils._action.variables import change_variables, plain, role_variables
 from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED

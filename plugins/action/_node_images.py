@@ -13,7 +13,7 @@ from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._images.node import Brought, NodeImages
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
-from ..plugin_utils._objects.images import images
+from ..plugin_utils._objects.parts import images
 
 ARCHIVE = {
     "path": {"type": "path", "required": True},

@@ -17,7 +17,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.cluster import foreseen
 from ..plugin_utils._action.gated import GatedAction
-from ..plugin_utils._action.robot_host import RobotHost
+from ..plugin_utils._action.host import RobotHost
 from ..plugin_utils._images.archive import Archives, normal_ref
 from ..plugin_utils._images.node import NodeImages
 from ..plugin_utils._kube.access import NoClusterError
@@ -26,9 +26,8 @@ from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
-from ..plugin_utils._objects.images import images
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
-from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, tagged_parts, workload_objects
+from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.keep import keep_early
 from ..plugin_utils._update.cluster import KubeCluster, run_name
 from ..plugin_utils._update.engine import Engine
@@ -129,7 +128,9 @@ class ActionModule(GatedAction):
             return self._without_cluster(error, result)
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
-        check, edge = bool(self._task.check_mode), self._edge_images()
+        check, edge, look = bool(self._task.check_mode), self._edge_images(), None
+        if params["come_back"] and params["own"]:
+            look = look_seconds(params["busy_timeout"], bool(self._before.get("since")))
         settings = Settings(
             Request(
                 only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
@@ -139,7 +140,7 @@ class ActionModule(GatedAction):
             code=CODE,
             parts=self._parts,
             pull_secrets=self._pull_secrets(),
-            look_timeout=self._look_timeout(params),
+            look_timeout=look,
             since=self._before.get("since") or {},
             earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
             edge_images={name: list(there) for name, there in edge.items()},
@@ -156,7 +157,7 @@ class ActionModule(GatedAction):
             return ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
 
         cluster = KubeCluster(kube, self.say(self._vars), run_name(self._vars))
-        engine = Engine(robot, settings, cluster, self.world(self._vars, self.modules(self._vars, source)))
+        engine = Engine(robot, settings, cluster, self.world(self._vars, source))
         outcome, self._since = engine.run(), engine.waiting
         if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
             keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))
@@ -164,11 +165,6 @@ class ActionModule(GatedAction):
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome
-
-    def _look_timeout(self, params: Arguments) -> float | None:
-        if not (params["come_back"] and params["own"]):
-            return None
-        return look_seconds(params["busy_timeout"], bool(self._before.get("since")))
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""

@@ -12,13 +12,13 @@ description:
   - Waits until actions (actionlib) are idle, has the robot's keeper hold back the goals that come from then on, and
     looks once more. A goal that came in between is left to finish, and what was held goes to the server; then it waits
     again.
-  - So an action server can be replaced after it without a goal being aborted.
-  - With O(values) it waits for what messages say, too, and holds nothing before.
+  - So an action server can be replaced after it without a goal being aborted. With O(values) it waits for what messages
+    say, too, and holds nothing before.
   - The keeper lets go by itself, to a new server when one is up, or to the old one after O(seconds). Nothing more has
     to be done for that, so a control node that dies after this leaves nothing behind.
 extends_documentation_fragment:
   - rosops.fleet._ros
-  - rosops.fleet._values
+  - rosops.fleet._ros.values
 options:
   state:
     description:
@@ -73,8 +73,7 @@ attributes:
     support: full
 seealso:
   - module: rosops.fleet.ros_ready
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -83,8 +82,7 @@ EXAMPLES = r"""
     master_uri: http://10.43.0.17:11311
     keeper_uri: http://10.43.0.18:11411
     actions:
-      - name: /arm/move
-        server: /arm_1f0c2a9b
+      - {name: /arm/move, server: /arm_1f0c2a9b}
     timeout: 300
 
 - name: The arm stays as it is after all
@@ -120,12 +118,10 @@ called_off:
   description: How often goals were held and let go again, because one had come before.
   returned: with O(state=held)
   type: int
-  sample: 0
 elapsed:
   description: Seconds that it took.
   returned: always
   type: float
-  sample: 0.731
 """
 
 import contextlib

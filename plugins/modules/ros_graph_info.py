@@ -82,8 +82,7 @@ extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_ready
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -117,15 +116,8 @@ graph:
       description: By name, what each registered node is.
       type: dict
       sample:
-        /talker:
-          uri: http://10.42.1.7:41753/
-          pid: 1
-          reachable: true
-          error: ""
-          refused: false
-          publications: [/chatter, /rosout]
-          subscriptions: []
-          services: [/talker/get_loggers]
+        /talker: {uri: "http://10.42.1.7:41753/", pid: 1, reachable: true, error: "", refused: false,
+                  publications: [/chatter, /rosout], subscriptions: [], services: [/talker/get_loggers]}
     topics:
       description:
         - By name, who publishes and who subscribes, by the master's word.
@@ -141,16 +133,9 @@ graph:
           set, C(definition) is the text of the type and of those within it.
       type: dict
       sample:
-        /chatter:
-          type: std_msgs/String
-          md5sum: 992ce8a1687cec8c8bd883ec73ca41d1
-          publishers: [/talker]
-          subscribers: [/listener]
-          connections: [{publisher: /talker, subscriber: /listener}]
-          rate: 499.8
-          rates: {/talker: 499.8}
-          latched: []
-          rate_error: ""
+        /chatter: {type: std_msgs/String, md5sum: 992ce8a1687cec8c8bd883ec73ca41d1, publishers: [/talker],
+                   subscribers: [/listener], connections: [{publisher: /talker, subscriber: /listener}],
+                   rate: 499.8, rates: {/talker: 499.8}, latched: [], rate_error: ""}
     services:
       description:
         - By name, who registered it, and who answers at its address (C(provider)).
@@ -159,26 +144,14 @@ graph:
           same. It is null where it was not asked for or cannot be told.
       type: dict
       sample:
-        /add_two_ints:
-          providers: [/adder]
-          uri: rosrpc://10.42.1.9:40133
-          provider: /adder
-          type: example/AddTwoInts
-          error: ""
-          md5sum: 6a2e34150c00229791cc89ff309fff21
-          up: true
-          connections: 0
+        /add_two_ints: {providers: [/adder], uri: "rosrpc://10.42.1.9:40133", provider: /adder, error: "",
+                        type: example/AddTwoInts, md5sum: 6a2e34150c00229791cc89ff309fff21, up: true, connections: 0}
     actions:
       description: By name, the actions that have a whole server, with the number of listed goals by state.
       type: dict
       sample:
-        /arm/move:
-          type: example/MoveAction
-          servers: [/arm]
-          clients: [/planner]
-          up: true
-          busy: true
-          goals: {ACTIVE: 1, SUCCEEDED: 2}
+        /arm/move: {type: example/MoveAction, servers: [/arm], clients: [/planner], up: true, busy: true,
+                    goals: {ACTIVE: 1, SUCCEEDED: 2}}
     launched:
       description:
         - The processes that launch files have started, by the word of the roslaunch that runs where one of the nodes is
@@ -191,20 +164,12 @@ graph:
       type: list
       elements: dict
       sample:
-        - name: arm/lidar-3
-          node: /arm/lidar
-          host: 10.42.1.7
-          alive: true
-          exit_code: null
-          respawn: true
-          required: false
-          spawned: 5
-          crash: was started again 4 times
+        - {name: arm/lidar-3, node: /arm/lidar, host: 10.42.1.7, alive: true, exit_code: null, respawn: true,
+           required: false, spawned: 5, crash: was started again 4 times}
 elapsed:
   description: Seconds that it took.
   returned: success
   type: float
-  sample: 0.062
 """
 
 import time

@@ -34,14 +34,13 @@ options:
     type: float
     default: 0.0
 extends_documentation_fragment:
-  - rosops.fleet._gate
-  - rosops.fleet._values
+  - rosops.fleet._ros.gate
+  - rosops.fleet._ros.values
   - rosops.fleet._ros
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -50,52 +49,33 @@ EXAMPLES = r"""
     master_uri: http://10.43.0.17:11311
     nodes: [/driver]
     topics:
-      - name: /temperature
-        type: std_msgs/Float64
-        connected: true
-        min_rate: 450
+      - {name: /temperature, type: std_msgs/Float64, connected: true, min_rate: 450}
     services:
       - name: /add_two_ints
 
 - name: Nothing is under way before the arm's server is replaced
   rosops.fleet.ros_ready:
     actions:
-      - name: arm/move
-        state: idle
+      - {name: arm/move, state: idle}
     namespace: /robot1
     timeout: 300
 
-- name: The new revision has the old one's subscriber and rate, and keeps them
+- name: The new revision has the old one's subscriber and rate, and keeps them, and the old one is gone
   rosops.fleet.ros_ready:
     topics:
-      - name: /temperature
-        publisher: /driver_77aa01de
-        min_rate: 450
+      - {name: /temperature, publisher: /driver_77aa01de, min_rate: 450}
     edges:
-      - publisher: /driver_77aa01de
-        topic: /temperature
-        subscriber: /statistics
-        peer: subscriber
+      - {publisher: /driver_77aa01de, topic: /temperature, subscriber: /statistics, peer: subscriber}
+    absent: [/driver_1f0c2a9b]
     stable: 10
 
 - name: The robot stands, nobody steers it, and its battery will do
   rosops.fleet.ros_ready:
     values:
-      - topic: /odom
-        field: twist.twist
-        still: 5
-        tolerance: 0.01
-      - topic: /cmd_vel
-        quiet: 5
-      - topic: /battery
-        field: percentage
-        above: 0.4
+      - {topic: /odom, field: twist.twist, still: 5, tolerance: 0.01}
+      - {topic: /cmd_vel, quiet: 5}
+      - {topic: /battery, field: percentage, above: 0.4}
     timeout: 600
-
-- name: The old revision is gone
-  rosops.fleet.ros_ready:
-    absent: [/talker_1f0c2a9b]
-    timeout: 10
 """
 
 RETURN = r"""
@@ -103,7 +83,6 @@ ready:
   description: Whether every condition holds.
   returned: always
   type: bool
-  sample: true
 verdict:
   description: V(pass), V(wait) where the time was over, V(fail) where waiting would not have helped.
   returned: always
@@ -113,12 +92,10 @@ elapsed:
   description: Seconds from the first look to the verdict.
   returned: always
   type: float
-  sample: 0.041
 looks:
   description: Number of looks taken.
   returned: always
   type: int
-  sample: 1
 errors:
   description: Every option with a value that cannot be, where there are any; nothing was asked then.
   returned: on bad options
@@ -128,33 +105,20 @@ held:
   description: Seconds for which every look had found every condition true at the end.
   returned: when the graph was looked at
   type: float
-  sample: 10.2
 checks:
-  description: The last look, condition by condition.
+  description:
+    - The last look, condition by condition, each with its C(verdict) and in C(reason) what was seen, in words.
+    - C(kind) is V(master), V(node), V(topic), V(rate), V(service), V(action), V(edge), V(absent) or V(value), C(name)
+      the full name of what was looked at. C(observed) is what was seen, as data whose keys depend on the kind.
   returned: always
   type: list
   elements: dict
-  contains:
-    kind:
-      description: One of V(master), V(node), V(topic), V(rate), V(service), V(action), V(edge), V(absent), V(value).
-      type: str
-      sample: topic
-    name:
-      description: What was looked at, with its full name.
-      type: str
-      sample: /chatter
-    verdict:
-      description: V(pass), V(wait) or V(fail).
-      type: str
-      sample: wait
-    reason:
-      description: What was seen, in words.
-      type: str
-      sample: "2 of 3 subscribers connected to /talker: missing /listener_c"
-    observed:
-      description: What was seen, as data; the keys depend on the kind.
-      type: dict
-      sample: {"type": "std_msgs/String", "missing": ["/listener_c"], "connections": 2}
+  sample:
+    - kind: topic
+      name: /chatter
+      verdict: wait
+      reason: "2 of 3 subscribers connected to /talker: missing /listener_c"
+      observed: {type: std_msgs/String, missing: [/listener_c], connections: 2}
 """
 
 
@@ -209,9 +173,7 @@ def main() -> None:
             seen = look(ros, conditions, silence, ears)
             return Seen(seen.verdict, seen)
 
-        ended = poll(
-            probe, params["timeout"], params["interval"], params["consecutive"], stable=params["stable"]
-        )  # fmt: skip
+        ended = poll(probe, params["timeout"], params["interval"], params["consecutive"], stable=params["stable"])
     except FleetError as error:
         module.fail_json(msg=str(error), ready=False, verdict="fail", elapsed=0.0, looks=0, checks=[], **error.details)
     if ended.verdict != PASS:

@@ -21,7 +21,8 @@ options:
         nodes that answer at their recorded address, with their recorded process id where it is known, and that have the
         topic or service by their own word. Services point to the nodes of O(graph) afterwards.
       - With V(absent), all registrations of nodes that are gone are removed. A node is gone when its address refuses
-        connections or cannot be reached in two looks one second apart. A node that is only late is not.
+        connections or cannot be reached in two looks one second apart. A node that is only late is not; it has at least
+        five seconds to answer, so that it can be told from an address that is no more.
     type: str
     choices: [present, absent]
     default: present
@@ -34,19 +35,6 @@ options:
     type: list
     elements: str
     default: []
-  master_uri:
-    description:
-      - URI of the ROS master, as in the environment variable E(ROS_MASTER_URI).
-      - It and the addresses of the nodes must be reachable from the host that the module runs on.
-    type: str
-    default: http://localhost:11311
-  node_timeout:
-    description:
-      - Seconds that the master, and each node, has to answer. All nodes are asked at the same time.
-      - With O(state=absent) nodes have at least five seconds, so that an address that is no more can be told from a
-        late node.
-    type: float
-    default: 2.0
 attributes:
   check_mode:
     description: Asks the same and decides the same; registers and removes nothing.
@@ -57,12 +45,10 @@ attributes:
   idempotent:
     description: A second run with the same options changes nothing.
     support: full
-requirements:
-  - Python 3.8 on the host that the module runs on, and nothing else; no ROS installation
+extends_documentation_fragment: rosops.fleet._ros
 seealso:
   - module: rosops.fleet.ros_graph_info
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""

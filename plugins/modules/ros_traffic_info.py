@@ -37,8 +37,7 @@ extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
-author:
-  - rosops.fleet contributors (@rosops)
+author: rosops.fleet contributors (@rosops)
 """
 
 EXAMPLES = r"""
@@ -65,18 +64,12 @@ topics:
   returned: success
   type: dict
   sample:
-    /scan:
-      messages: 4000
-      publishers: 2
-      numbered: true
-      missing: 0
-      longest_gap: 0.11
-      unconnected_looks: {/mapping: 0}
+    /scan: {messages: 4000, publishers: 2, numbered: true, missing: 0, longest_gap: 0.11,
+            unconnected_looks: {/mapping: 0}}
 looks:
   description: How often it was seen who is connected.
   returned: success
   type: int
-  sample: 400
 """
 
 import time

@@ -19,12 +19,12 @@ import socket
 import tempfile
 import traceback
 from collections.abc import Callable, Mapping
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
 from ...module_utils._common.errors import FleetError
 from .cancelled import cancellable
+from .leftovers import started
 
 Told = Mapping[str, Any]
 
@@ -58,12 +58,12 @@ class Turns:
 def begin(work: Callable[[Turns], Told]) -> dict[str, Any]:
     """Start the work; its first turn (`turn`, and in `line` how to come back), or what it returned if it has ended."""
     directory = Path(tempfile.mkdtemp(prefix="rosops-fleet-"))  # short: a socket's path may have 107 characters
-    line, run_lives = directory / "line", _lives(os.getppid())
+    line, run, begun = directory / "line", os.getppid(), started(os.getppid())
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(line))
         server.listen(1)
         if os.fork() == 0:
-            _live(server, directory, run_lives, work)
+            _live(server, directory, lambda: started(run) == begun, work)
     return come_back(str(line))
 
 
@@ -102,31 +102,8 @@ def _live(server: socket.socket, directory: Path, run_lives: Callable[[], bool],
         os._exit(0)  # nothing of the worker's is this process' to tidy up
 
 
-def _lives(process: int) -> Callable[[], bool]:
-    """Tells whether a process is there. Of a killed one that nobody waited for, only Linux tells that it has ended."""
-    try:
-        handle = os.pidfd_open(process)
-    except (AttributeError, OSError):  # another system, or a kernel before 5.3
-        return lambda: _answers(process)
-    return lambda: not wait([handle], 0)
-
-
-def _answers(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        pass
-    return True
-
-
 def _read(line: socket.socket) -> dict[str, Any]:
     """One line, or all there is; empty where that is nothing."""
-    data = b""
-    while not data.endswith(b"\n"):
-        part = line.recv(65536)
-        if not part:
-            break
-        data += part
+    with line.makefile() as file:
+        data = file.readline()
     return dict(json.loads(data)) if data else {}

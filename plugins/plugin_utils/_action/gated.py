@@ -17,7 +17,7 @@ from typing import ClassVar, TypeVar
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleError
 
-from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError
 from .._images.node import NodeImages
 from .._kube.client import Kube
@@ -36,7 +36,7 @@ from .._update.world import World
 from . import voice
 from .clock import MonotonicClock
 from .cluster import ClusterAction
-from .robot_host import RobotHost
+from .host import RobotHost
 
 Came = TypeVar("Came")
 
@@ -62,20 +62,15 @@ class GatedAction(ClusterAction):
             ledger.note(str(known["inventory_hostname"]), FAILED)
             raise
 
-    def world(self, known: Variables, host: ModuleHost) -> World:
-        """The host and the clock of the task, and whoever listens to it."""
-        stand = functools.partial(voice.stand, known["inventory_hostname"])
-        return World(host, MonotonicClock(), self.say(known), stand)
+    def world(self, known: Variables, images: Callable[[RobotHost], ImageSource]) -> World:
+        """The task's host, asked through the collection's modules, its clock, and whoever listens to it."""
+        there, check = RobotHost(self, known), bool(self._task.check_mode)
 
-    def modules(self, known: Variables, images: Callable[[RobotHost], ImageSource]) -> ModuleHost:
-        """The task's host, asked through the collection's modules."""
-        there = RobotHost(self, known)
-        return ModuleHost(
-            there.there,
-            lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments),
-            images(there),
-            bool(self._task.check_mode),
-        )
+        def module(name: str, arguments: Arguments) -> Result:
+            return there.module(f"rosops.fleet.{name}", arguments)
+
+        stand = functools.partial(voice.stand, known["inventory_hostname"])
+        return World(ModuleHost(there.there, module, images(there), check), MonotonicClock(), self.say(known), stand)
 
 
 class HostAction(GatedAction):
@@ -103,5 +98,5 @@ class HostAction(GatedAction):
 
     def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> Ended:
         """What became of it."""
-        world = self.world(known, self.modules(known, lambda there: ImageSource(NodeImages(there))))
+        world = self.world(known, lambda there: ImageSource(NodeImages(there)))
         return HostChange(work, place, settings, world).take()

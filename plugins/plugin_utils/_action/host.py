@@ -5,10 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import time
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ansible.errors import AnsibleConnectionFailure, AnsibleError
+
+from ...module_utils._common.errors import FleetError
+from .._update.ticker import ticking
+from .._update.world import AwayError
 from .._upstream import ansible_core
+from . import voice
+
+TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 
 SUDO_ASKS = (
     "a limited rate is rsync's, and rsync cannot hand over the password for sudo: allow sudo without one for rsync on "
@@ -69,3 +79,34 @@ class ActionHost:
         task = ansible_core.task_of(self.plugin).copy()
         task.action, task.args, task.check_mode, task.diff = name, dict(args), self.check_mode, diff
         return task
+
+
+class RobotHost(ActionHost):
+    """That of a robot, as the engine and guarded changes want it: whatever goes wrong there is this robot's outcome.
+
+    AwayError where it cannot be reached, FleetError where Ansible cannot work there; what takes long says so.
+    """
+
+    def there(self) -> None:
+        """Whether it can be reached: the cheapest answer that a host can give."""
+        with self._told("reaching it"):
+            ansible_core.run_command(self.plugin, "true")
+
+    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
+        with self._told(args.get("job", name)):
+            return super().module(name, args, secret)
+
+    def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
+        with self._told(f"copying {src}"):
+            return super().copy(src, dest, rate_limit)
+
+    @contextlib.contextmanager
+    def _told(self, what: str) -> Iterator[None]:
+        robot, began = self.task_vars["inventory_hostname"], time.monotonic()
+        with ticking(TICK, lambda: voice.say(robot, f"{what} for {time.monotonic() - began:.0f} s now")):
+            try:
+                yield
+            except AnsibleConnectionFailure as error:
+                raise AwayError(str(error)) from error
+            except AnsibleError as error:  # a wrong password for sudo, say: all of a wave would end with this task
+                raise FleetError(f"{what} did not run on {robot}: {error}") from error

@@ -45,7 +45,7 @@ def owner_at_work() -> Owner:
             "boot": _read("/proc/sys/kernel/random/boot_id"),
             "processes": str(Path("/proc/self/ns/pid").readlink()),
             "process": process,
-            "started": _started(process),
+            "started": started(process),
         }
     return {}
 
@@ -57,7 +57,7 @@ def has_ended(owner: Owner) -> bool:
         return False
     if owner["boot"] != now["boot"]:
         return True
-    return bool(owner["processes"] == now["processes"] and owner["started"] != _started(owner["process"]))
+    return bool(owner["processes"] == now["processes"] and owner["started"] != started(owner["process"]))
 
 
 def sweep(directory: Path) -> list[str]:
@@ -79,12 +79,23 @@ def _swept(at: int) -> Iterator[str]:
     with _opened(USED, at) as used:
         fcntl.flock(used, fcntl.LOCK_EX | fcntl.LOCK_NB)  # BlockingIOError: a task outlives its run for a moment
         names = [name for name in os.listdir(at) if name.removeprefix(".").startswith(OURS)]
-        for name in sorted(
-            names, key=lambda name: (name == OWNER, name)
-        ):  # the last one, so that a sweep can be gone on with
+        # that of the owner is the last one, so that a sweep can be gone on with
+        for name in sorted(names, key=lambda name: (name == OWNER, name)):
             if _is_own(os.stat(name, dir_fd=at, follow_symlinks=False), stat.S_IFREG):
                 os.unlink(name, dir_fd=at)
                 yield name
+
+
+def started(process: int) -> str:
+    """When a process began, in ticks since the boot. Numbers are given out again.
+
+    Empty where there is none, or one that has ended and that nobody has waited for.
+    """
+    try:
+        after_name = _read(f"/proc/{process:d}/stat").rpartition(")")[2].split()
+    except OSError:
+        return ""
+    return "" if after_name[0] in "ZX" else after_name[19]
 
 
 @contextlib.contextmanager
@@ -101,15 +112,6 @@ def _opened(path: str | Path, at: int | None = None) -> Iterator[int]:
 
 def _is_own(seen: os.stat_result, kind: int) -> bool:
     return seen.st_uid == os.getuid() and stat.S_IFMT(seen.st_mode) == kind
-
-
-def _started(process: int) -> str:
-    """When a process began, in ticks since the boot; empty where there is none. Numbers are given out again."""
-    try:
-        after_name = _read(f"/proc/{process:d}/stat").rpartition(")")[2].split()
-    except OSError:
-        return ""
-    return "" if after_name[0] in "ZX" else after_name[19]
 
 
 def _read(path: str) -> str:

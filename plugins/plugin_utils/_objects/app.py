@@ -16,6 +16,8 @@ from .._model import context, names
 from .._model.app import App
 from .._model.context import Robot
 from .._model.merge import deep_merge
+from . import pod_code as hooks
+from .belongings import container_ports, file_volumes
 from .common import (
     RECREATE_STRATEGY,
     annotate,
@@ -27,12 +29,8 @@ from .common import (
     variable,
     workload,
 )
-from .files import file_volumes
-from .pod_code import app_probes, code_mount, code_volume, command_probes, exec_command, launch_args, literal
 from .pod_settings import app_settings
-from .ports import container_ports
 from .security import ALL, APPS, harden
-from .sidecar import asking_fields, sidecar
 
 REVISION_LENGTH = 8
 _REFERENCE = re.compile(r"\$\(([-._a-zA-Z0-9]+)\)")  # kubernetes.io, "Define Dependent Environment Variables"
@@ -97,8 +95,8 @@ def _liveness(app: App) -> Object:
 def _pod_spec(app: App, robot: Robot) -> Object:
     # with the host's network the Service name ros-master resolves only when it is asked for
     network = {"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"} if app.host_network else {}
-    beside = {"initContainers": [sidecar(app, robot, _for_hooks(app, robot))]} if app.hooks == "sidecar" else {}
-    code = [code_volume(app)] if app.hooks != "none" else []
+    beside = {"initContainers": [hooks.sidecar(app, robot, _for_hooks(app, robot))]} if app.hooks == "sidecar" else {}
+    code = [hooks.code_volume(app)] if app.hooks != "none" else []
     return pod_spec(
         [_container(app, robot)],
         [*(source for source, _mount in _volumes(app)), *code],
@@ -120,26 +118,21 @@ def _container(app: App, robot: Robot) -> Object:
     if app.command:
         container["command"] = list(app.command)
     if app.args or app.launch:
-        container["args"] = launch_args(app.launch, app.handoff) if app.launch else list(app.args)
+        container["args"] = hooks.launch_args(app.launch, app.handoff) if app.launch else list(app.args)
     if app.ports:
         container["ports"] = container_ports(app)
     if app.resources:
         container["resources"] = dict(app.resources)
-    code = [code_mount()] if app.hooks == "app" or app.launch else []
+    code = [hooks.code_mount()] if app.hooks == "app" or app.launch else []
     mounts = [*(target for _source, target in _volumes(app)), *code]
     if mounts:
         container["volumeMounts"] = mounts
     if app.devices:
         # Kubernetes gives a device node to a container only through a device plugin or to a privileged one.
         container["securityContext"] = {"privileged": True}
-    if app.hooks == "sidecar":
-        container.update(asking_fields(app))
-    elif app.hooks == "app":
-        container.update(app_probes(app.readiness.command))
-        if app.command:  # without one only the image knows what it starts
-            container["command"] = [*exec_command(app, context.graph_node(app, robot)), *app.command]
-    elif app.readiness.command:
-        container.update(command_probes(app.readiness.command))
+    container.update(hooks.probes(app))
+    if app.hooks == "app" and app.command:  # without one only the image knows what it starts
+        container["command"] = [*hooks.code_command("exec"), *hooks.begin_after(app, robot), *app.command]
     return container
 
 
@@ -169,7 +162,7 @@ def _for_hooks(app: App, robot: Robot) -> list[Object]:
     found = _ros_environment(app, robot)
     if app.hooks != "none":
         settings = json.dumps(app_settings(app, robot), sort_keys=True)
-        found += [variable(names.SETTINGS_ENV, literal(settings)), _revision()]
+        found += [variable(names.SETTINGS_ENV, hooks.literal(settings)), _revision()]
     return found
 
 

@@ -6,28 +6,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 from ...module_utils._exporter.server import HEALTHY, PATH, PORT, READY
 from ...module_utils._step.objects import Object
 from .._model import context, names
-from .._model.app import Volume
 from .._model.context import Robot
 from .._model.formats import quantity_value
-from .common import (
-    ONE_HEAP,
-    canonical_hash,
-    config_map,
-    field_variable,
-    hashed,
-    mount,
-    node_selector,
-    object_labels,
-    pod_spec,
-    variable,
-    workload,
-)
+from .common import canonical_hash, config_map, hashed, mount, object_labels
+from .master import master_environment, with_the_master
 
 NAME = "ros-exporter"
 CODE_DIR = "/opt/rosops-fleet/exporter"
@@ -40,20 +27,13 @@ SEE_ALL = "DAC_OVERRIDE"
 ANNOTATION_CODE = "rosops.fleet/code-hash"
 # Measured with 20 nodes: 0.2 % of a core and 19 MB (benchmarks/bench_exporter.py); the limit leaves room for many more.
 RESOURCES = {"requests": {"cpu": "20m", "memory": "32Mi"}, "limits": {"memory": "96Mi"}}
+INTERVAL, TIMEOUT = 10, 2  # seconds: between two looks at the graph, and for a node's answers
 
 
-@dataclass(frozen=True)
-class ExporterOptions:
-    """What an operator may choose."""
-
-    interval: float = 10.0
-    timeout: float = 2.0
-    statistics: bool = False
-    claims_path: str = ""  # the storage class' directory on the robot; without one, claims are not looked at
-
-
-def exporter_objects(robot: Robot, code: Mapping[str, str], options: ExporterOptions) -> list[Object]:
-    """ConfigMap and Deployment. `code` is file name -> content.
+def exporter_objects(
+    robot: Robot, code: Mapping[str, str], *, statistics: bool = False, claims: bool = False
+) -> list[Object]:
+    """ConfigMap and Deployment. `code` is file name -> content; `claims`: what the robot's volumes hold is looked at.
 
     Those of a shared master are the same whichever robot they come from. An external master is looked at from each of
     its robots, as it has no namespace of its own.
@@ -67,44 +47,33 @@ def exporter_objects(robot: Robot, code: Mapping[str, str], options: ExporterOpt
         # unlike an app, it is restarted for newer code: nobody waits for it
         ANNOTATION_CODE: canonical_hash(config["data"]),
     }
-    pod = _pod_spec(robot, options, namespace, () if owner is None else robot.volumes)
-    # two would show every series twice: one goes before the next comes
-    return [config, hashed(workload(NAME, namespace, owner, pod, annotations=annotations))]
-
-
-def _pod_spec(robot: Robot, options: ExporterOptions, namespace: str, claims: Sequence[Volume]) -> Object:
-    looks = bool(options.claims_path and claims)
     volumes: list[Object] = [
         {"name": "code", "configMap": {"name": NAME}},
         # made by the first update
         {"name": "updates", "configMap": {"name": UPDATES_MAP, "optional": True}},
     ]
-    if looks:
+    capacities = _capacities(robot) if claims and owner is not None else {}
+    if capacities:
         # as the storage class itself would make it, should there be no claim on this host yet
-        source = {"path": options.claims_path, "type": "DirectoryOrCreate"}
-        volumes.append({"name": "claims", "hostPath": source})
-    return pod_spec(
-        [_container(robot, options, namespace, _capacities(claims) if looks else None)],
-        volumes,
-        robot.pull_secrets,
-        terminationGracePeriodSeconds=5,
-        nodeSelector=node_selector(robot.master.placement, robot.name),
-    )
+        volumes.append({"name": "claims", "hostPath": {"path": STORAGE, "type": "DirectoryOrCreate"}})
+    container = _container(robot, statistics, capacities)
+    return [config, hashed(with_the_master(robot, NAME, container, volumes, grace=5, annotations=annotations))]
 
 
-def _capacities(claims: Sequence[Volume]) -> dict[str, int]:
+def _capacities(robot: Robot) -> dict[str, int]:
     """Bytes that each claim asks for."""
-    sizes = {names.claim_name(claim.name): quantity_value(str(claim.size)) for claim in claims}
+    sizes = {names.claim_name(claim.name): quantity_value(str(claim.size)) for claim in robot.volumes}
     return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
 
 
-def _container(robot: Robot, options: ExporterOptions, namespace: str, capacities: dict[str, int] | None) -> Object:
-    words = ["--interval", f"{options.interval:g}", "--timeout", f"{options.timeout:g}"]
+def _container(robot: Robot, statistics: bool, capacities: Mapping[str, int]) -> Object:
+    words = ["--interval", str(INTERVAL), "--timeout", str(TIMEOUT)]
     mounts = [mount("code", CODE_DIR, read_only=True), mount("updates", UPDATES_DIR, read_only=True)]
-    if options.statistics:
+    if statistics:
         words += ["--statistics", "on"]
-    if capacities is not None:
-        words += ["--claims", CLAIMS_DIR, "--namespace", namespace, "--capacities", json.dumps(capacities)]
+    if capacities:
+        words += ["--claims", CLAIMS_DIR, "--namespace", context.master_namespace(robot)]
+        words += ["--capacities", json.dumps(capacities)]
         mounts.append(mount("claims", CLAIMS_DIR, read_only=True))
     return {
         "name": NAME,
@@ -113,18 +82,14 @@ def _container(robot: Robot, options: ExporterOptions, namespace: str, capacitie
         # isolated: neither the image's Python variables nor its site packages matter to it
         "command": ["python3", "-I", "-S", f"{CODE_DIR}/run.py", "exporter"],
         "args": words,
-        "env": [
-            variable("ROS_MASTER_URI", context.master_uri(robot)),
-            field_variable("ROS_IP", "status.podIP"),
-            ONE_HEAP,
-        ],
+        "env": master_environment(robot),
         "ports": [{"name": "metrics", "containerPort": PORT, "protocol": "TCP"}],
         "resources": RESOURCES,
         "securityContext": {
             "allowPrivilegeEscalation": False,
             "seccompProfile": {"type": "RuntimeDefault"},
             "readOnlyRootFilesystem": True,
-            "capabilities": {"drop": ["ALL"], **({} if capacities is None else {"add": [SEE_ALL]})},
+            "capabilities": {"drop": ["ALL"], **({"add": [SEE_ALL]} if capacities else {})},
         },
         "volumeMounts": mounts,
         "startupProbe": {**_probe(READY), "periodSeconds": 1, "failureThreshold": 60},

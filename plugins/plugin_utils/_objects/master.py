@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ROS master's Deployment and Service, and those of the keeper beside it.
+"""The ROS master and the keeper beside it, which outlives it: a Deployment and a Service each. Pure.
 
 The two are never replaced together: the master's record is the keeper's, and the keeper's is the master's. The keeper
 goes first, and the master once the new keeper is ready, which it is not before it has read everything.
@@ -9,12 +9,28 @@ goes first, and the master once the new keeper is ready, which it is not before 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...module_utils._common.documents import Variables
 from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.context import Robot
-from .common import field_variable, node_selector, pod_spec, workload
-from .keeper import keeper_objects
-from .security import served
+from .._model.merge import deep_merge
+from .common import (
+    FOR_EVER,
+    ONE_HEAP,
+    cluster_service,
+    field_variable,
+    hashed,
+    mount,
+    node_selector,
+    pod_spec,
+    variable,
+    workload,
+)
+from .pod_code import code_command, code_mount, code_volume
+from .security import ALL, harden
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -32,8 +48,11 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
     % names.MASTER_PORT
 )
 
-
 UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
+
+RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
+# Measured with 20 nodes: 0.3 % of a core and 24 MB; the limits leave room for a hundred and for held goals.
+KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "128Mi"}}
 
 
 def master_objects(robot: Robot) -> list[Object]:
@@ -46,11 +65,16 @@ def ros_core_objects(robot: Robot) -> list[Object]:
 
     The overrides are the master's alone.
     """
-    return served(robot, plain_master(robot), robot.master.overrides, names.MASTER_PORT)
+    return _served(robot, plain_master(robot), robot.master.overrides, names.MASTER_PORT)
+
+
+def keeper_objects(robot: Robot) -> list[Object]:
+    """Deployment and Service of the keeper; nothing for an external master."""
+    return _served(robot, plain_keeper(robot), robot.master.keeper_overrides, names.KEEPER_PORT)
 
 
 def plain_master(robot: Robot) -> Object:
-    """The Deployment before the overrides. Two masters would split the graph: one goes before the next comes."""
+    """The Deployment before the overrides."""
     container = {
         "name": names.MASTER_CONTAINER,
         "image": robot.master.image,
@@ -63,10 +87,73 @@ def plain_master(robot: Robot) -> Object:
         # registration, which is worse than a slow answer.
         "lifecycle": {"postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}}},
     }
-    pod = pod_spec(
-        [container],
-        pull_secrets=robot.pull_secrets,
-        terminationGracePeriodSeconds=30,
-        nodeSelector=node_selector(robot.master.placement, robot.name),
+    return with_the_master(robot, names.MASTER_NAME, container, grace=30)
+
+
+def plain_keeper(robot: Robot) -> Object:
+    """The Deployment before the overrides."""
+    # asked of its XML-RPC server, which answers while its look at the master goes on: no process, next to no CPU
+    probe = {"httpGet": {"path": "/ready", "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
+    forwarding = () if robot.master.goal_forwarding else ("--goal-forwarding", "off")
+    container = {
+        "name": names.KEEPER_NAME,
+        "image": robot.master.image,
+        "imagePullPolicy": "IfNotPresent",
+        "command": [*code_command("keeper"), "--record", RECORD_DIR, *forwarding],
+        "env": master_environment(robot),
+        "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
+        "resources": KEEPERS,
+        "volumeMounts": [code_mount(), mount(RECORD_VOLUME, RECORD_DIR)],
+        # until it has read the whole graph, for which its master has to be there
+        "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": FOR_EVER},
+        "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
+    }
+    # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
+    record = {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}
+    account: Object = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True}
+    return with_the_master(robot, names.KEEPER_NAME, container, [code_volume(), record], grace=10, **account)
+
+
+def master_environment(robot: Robot) -> list[Object]:
+    """Of our own programs: where the master is, and where they are themselves."""
+    uri = variable("ROS_MASTER_URI", context.master_uri(robot))
+    return [uri, field_variable("ROS_IP", "status.podIP"), ONE_HEAP]
+
+
+def with_the_master(  # noqa: PLR0913 - the parts in which these Deployments differ
+    robot: Robot,
+    name: str,
+    container: Object,
+    volumes: Sequence[Object] = (),
+    *,
+    grace: int,
+    annotations: Mapping[str, str] | None = None,
+    **pod: Any,
+) -> Object:
+    """The Deployment of a pod that is where the robot's ROS master is. `grace` is in seconds.
+
+    One goes before the next comes: two masters would split the graph, two keepers would each forward the goals that
+    they hold, and two exporters would show every series twice.
+    """
+    selector = node_selector(robot.master.placement, robot.name)
+    spec = pod_spec(
+        [container], volumes, robot.pull_secrets, terminationGracePeriodSeconds=grace, nodeSelector=selector, **pod
     )
-    return workload(names.MASTER_NAME, context.master_namespace(robot), context.master_owner(robot), pod)
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    return workload(name, namespace, owner, spec, annotations=annotations)
+
+
+def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
+    """A Deployment with its overrides, and the Service in front of it; nothing for an external master.
+
+    Our own code needs nothing of its host, and gets no more.
+    """
+    if robot.master.mode == "external":
+        return []
+    deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
+    ours = {container["name"] for container in plain["spec"]["template"]["spec"]["containers"]}
+    for container in deployment["spec"]["template"]["spec"]["containers"]:
+        if container["name"] in ours:
+            harden(container, ALL)
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    return [hashed(deployment), cluster_service(name, namespace, owner, port, robot.master.addresses.get(name))]

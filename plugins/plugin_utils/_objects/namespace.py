@@ -20,14 +20,16 @@ from .._model import context, names
 from .._model.app import Volume
 from .._model.context import Robot
 from .common import made, owner_labels
-from .keeper_access import keeper_access
-from .security import pod_security_labels
+from .rights import keeper_access
+
+POD_SECURITY = "pod-security.kubernetes.io/enforce"
 
 
 def namespace_objects(robot: Robot) -> list[Object]:
     """The robot's namespace with quota, limits and its keeper's rights; the namespace `fleet` where it needs that."""
     labels = owner_labels(robot.name)
-    objects = [made("v1", "Namespace", robot.namespace, labels={**labels, **pod_security_labels(robot)})]
+    level = {POD_SECURITY: robot.pod_security} if robot.pod_security else {}
+    objects = [made("v1", "Namespace", robot.namespace, labels={**labels, **level})]
     if robot.quota:
         quota = {"hard": _texts(robot.quota)}
         objects.append(made("v1", "ResourceQuota", "robot", robot.namespace, labels, spec=quota))

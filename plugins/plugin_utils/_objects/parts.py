@@ -1,23 +1,30 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parts that make up a robot in its cluster, which are the stages of rosops.fleet.site, too. Pure."""
+"""The parts that make up a robot in its cluster, which are the stages of rosops.fleet.site, too. Pure.
+
+What they run, and what the ROS graph must show when all of it is up.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from ...module_utils._common.documents import Variables
+from ...module_utils._ros.names import resolve
 from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import App
 from .._model.context import Robot
-from .app import app_objects
-from .code_files import app_files
-from .code_maps import code_maps
-from .files import file_maps
-from .keeper_access import keeper_access
+from .._model.readiness import USUAL
+from .app import app_deployment, app_objects
+from .belongings import belongings
+from .code_files import app_files, code_maps
 from .master import master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
-from .ports import port_services
+from .pod_settings import full_name
+from .rights import keeper_access
 
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
 
@@ -54,7 +61,7 @@ def ground_objects(
     if MASTER in parts or APPS in parts:
         found += code_maps(robot, code)
     if APPS in parts:
-        found += [*file_maps(robot), *port_services(robot)]
+        found += belongings(robot)
     return found
 
 
@@ -62,3 +69,53 @@ def workload_objects(robot: Robot, parts: Collection[str]) -> list[Object]:
     """What runs, with its Services."""
     made = master_objects(robot) if MASTER in parts else []
     return [*made, *(app_objects(robot) if APPS in parts else [])]
+
+
+def images(robot: Robot, placement: str | None = None) -> list[str]:
+    """The images of the robot's master and apps, sorted; with `placement` those of local or of remote pods only."""
+    found: set[str] = set()
+    for item in [*master_objects(robot), *app_objects(robot)]:
+        pod = item["spec"]["template"]["spec"] if item["kind"] == "Deployment" else {}
+        where = "local" if names.LABEL_ROBOT in (pod.get("nodeSelector") or {}) else "remote"
+        if placement in (None, where):
+            containers = [*(pod.get("initContainers") or []), *(pod.get("containers") or [])]
+            found.update(container["image"] for container in containers if container.get("image"))
+    return sorted(found)
+
+
+def graph_conditions(robot: Robot) -> dict[str, Any]:
+    """Options of ros_ready, every name in full.
+
+    `{nodes, topics, services, actions, absent, timeout, interval, consecutive}`, and `master_uri` for an external
+    master only: the address of a master in the cluster is known to the cluster (its Service), not to the inventory.
+    """
+    lists: dict[str, list[Any]] = {key: [] for key in ("nodes", "topics", "services", "actions", "absent")}
+    for app in robot.apps:
+        for kind, items in _app_conditions(app, robot).items():
+            lists[kind] += [item for item in items if item not in lists[kind]]
+    ready = [app.readiness for app in robot.apps] or [USUAL]
+    return {
+        **lists,
+        "timeout": max(item.timeout for item in ready),
+        "interval": min(item.interval for item in ready),
+        "consecutive": max(item.consecutive for item in ready),
+        **({"master_uri": robot.master.uri} if robot.master.mode == "external" else {}),
+    }
+
+
+def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
+    metadata = app_deployment(app, robot)["spec"]["template"]["metadata"]
+    # those of a launch file are not promised
+    node = metadata["annotations"].get(names.ANNOTATION_NODE) or context.graph_node(app, robot)
+    readiness = app.readiness
+
+    def full(name: str) -> str:
+        return resolve(full_name(name, app, robot), "/", node)
+
+    return {
+        "nodes": [node] if readiness.nodes else [],
+        "topics": [{**item, "name": full(item["name"])} for item in readiness.topics],
+        "services": [{**item, "name": full(item["name"])} for item in readiness.services],
+        "actions": [{**item, "name": full(item["name"])} for item in readiness.actions],
+        "absent": [full(name) for name in readiness.absent],
+    }

@@ -1,22 +1,32 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a pod gets of the collection's own code: the volume, the probes, the command that stops its node. Pure."""
+"""What a pod gets of the collection's own code: the volume, and the hooks, in the app's container or beside it. Pure.
+
+Beside an app whose image has no Python they are in a sidecar as Kubernetes means it, an init container that stays
+(KEP-753, from 1.29 on): the app's container is started after it and ended before it, so that each start and each stop
+finds it there. Its image is the ROS master's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from ...module_utils._pod.exec import AFTER
+from ...module_utils._pod.sidecar import PORT
 from ...module_utils._step.objects import Object
-from .._model import names
+from .._model import context, names
 from .._model.app import App, Launch
-from .common import FOR_EVER, exec_probe, mount
+from .._model.context import Robot
+from .common import FOR_EVER, ONE_HEAP, exec_probe, mount
 
 STARTED_TIMEOUT = 45  # s; `started` ends long before
 COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot
 # Characters that only a shell gives a meaning: a readiness command with one of them is a script, else a path.
 SHELL_CHARACTERS = frozenset(" \t\n;&|<>()$`\"'*?[]{}~#!\\")
+BEGIN_TIMEOUT = 3600  # s, of a sidecar's start; then it is asked once more
+# At rest a bare interpreter; a look at the graph, or a stop, is a second one for as long as it lasts.
+SIDECARS = {"requests": {"cpu": "5m", "memory": "16Mi"}, "limits": {"memory": "96Mi"}}
 
 
 def code_command(word: str) -> list[str]:
@@ -28,19 +38,14 @@ def code_command(word: str) -> list[str]:
     return ["python3", "-I", "-S", f"{names.CODE_DIR}/run.py", word]
 
 
-def exec_command(app: App, node: str) -> list[str]:
-    """What comes before an app's own command."""
-    return [*code_command("exec"), *begin_after(app, node)]
-
-
-def begin_after(app: App, node: str) -> list[str]:
+def begin_after(app: App, robot: Robot) -> list[str]:
     """Whose end the app's own command waits for.
 
     Where all versions share the node's name, a new one waits for the old one's end. With the host's network nobody can
     tell by its address whose a process is.
     """
     alone = app.handoff != "overlap" and app.readiness.nodes and not app.host_network
-    return [AFTER, node] if alone else []
+    return [AFTER, context.graph_node(app, robot)] if alone else []
 
 
 # roslaunch's own interpreter, which may be one that nothing else of ours runs on
@@ -88,29 +93,45 @@ def code_volume(app: App | None = None) -> Object:
     return {"name": names.CODE_NAME, "projected": {"sources": [{"configMap": item} for item in maps]}}
 
 
-def app_probes(command: str | Sequence[str] | None) -> Object:
-    """The container's fields that call the code; `command` is readiness.command.
+def probes(app: App) -> Object:
+    """The fields of the app's container by which the kubelet asks whether it is ready, and tells it to stop.
 
     `started` looks every tenth of a second by itself and answers before its time-out, so that Kubernetes' one second
     does not count. Once it has passed the pod is ready and nothing of ours is started in it again: a robot at rest does
-    not pay for being asked. What becomes of the node later is seen on the graph.
+    not pay for being asked. What becomes of the node later is seen on the graph. The hooks beside an app are asked for
+    the same moments. Without any of ours readiness.command is asked often until it has passed, then seldom.
     """
+    command = app.readiness.command
+    found: Object = {}
+    if command:
+        # once it has agreed it goes on for ever, so seldom
+        found["readinessProbe"] = exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
+    if app.hooks == "sidecar":
+        found["startupProbe"] = _startup("/started", STARTED_TIMEOUT)
+        found["lifecycle"] = {"preStop": _asked("/stop")}
+    elif app.hooks == "app":
+        started, stop = code_command("started"), code_command("stop")
+        found["startupProbe"] = exec_probe(started, period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER)
+        found["lifecycle"] = {"preStop": {"exec": {"command": stop}}}
+    elif command:
+        start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
+        found["startupProbe"] = start
+    return found
+
+
+def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
+    """The container; `environment` is what the hooks have to know. Once it has started, the app's own may begin."""
     return {
-        "startupProbe": exec_probe(code_command("started"), period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER),
-        **({"readinessProbe": steady_probe(command)} if command else {}),
-        "lifecycle": {"preStop": {"exec": {"command": code_command("stop")}}},
+        "name": names.SIDECAR,
+        "image": robot.master.image,
+        "imagePullPolicy": "IfNotPresent",
+        "restartPolicy": "Always",
+        "command": [*code_command("sidecar"), *begin_after(app, robot)],
+        "env": [*environment, ONE_HEAP],
+        "resources": SIDECARS,
+        "volumeMounts": [code_mount()],
+        "startupProbe": _startup("/begin", BEGIN_TIMEOUT),
     }
-
-
-def command_probes(command: str | Sequence[str]) -> Object:
-    """The probes of an app that has readiness.command but not our code: often until it has passed, then seldom."""
-    start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
-    return {"startupProbe": start, "readinessProbe": steady_probe(command)}
-
-
-def steady_probe(command: str | Sequence[str]) -> Object:
-    """Of readiness.command, once it has agreed: it goes on for ever, so seldom."""
-    return exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
 
 
 def probe_command(command: str | Sequence[str]) -> list[str]:
@@ -124,3 +145,11 @@ def probe_command(command: str | Sequence[str]) -> list[str]:
     if isinstance(command, str):
         return ["/bin/sh", "-c", command] if SHELL_CHARACTERS & set(command) else [command]
     return [str(word) for word in command]
+
+
+def _asked(path: str) -> Object:
+    return {"httpGet": {"path": path, "port": PORT}}
+
+
+def _startup(path: str, timeout: int) -> Object:
+    return {**_asked(path), "periodSeconds": 1, "timeoutSeconds": timeout, "failureThreshold": FOR_EVER}

@@ -1,26 +1,20 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a container may do on its host, and what its namespace lets in. Pure."""
+"""What a container may do on its host. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...module_utils._common.documents import Variables
 from ...module_utils._step.objects import Object
-from .._model import context
 from .._model.app import App
-from .._model.context import Robot
-from .._model.merge import deep_merge
-from .common import cluster_service, hashed
 
 ALL = ("ALL",)
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
 # speak in another one's name on the pods' network. What entrypoints and drivers do use (files of other users, changing
 # the user) stays.
 APPS = ("AUDIT_WRITE", "MKNOD", "NET_RAW", "SETFCAP", "SETPCAP", "SYS_CHROOT")
-POD_SECURITY = "pod-security.kubernetes.io/enforce"
 # For a privileged container the API refuses to have escalation forbidden.
 _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 
@@ -42,21 +36,6 @@ def harden(container: Object, drop: Sequence[str]) -> None:
     }
 
 
-def served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
-    """A Deployment of ours with its overrides, and the Service in front of it; nothing for an external master.
-
-    Our own code needs nothing of its host, and gets no more.
-    """
-    if robot.master.mode == "external":
-        return []
-    deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
-    for container in deployment["spec"]["template"]["spec"]["containers"]:
-        if container["name"] in {one["name"] for one in plain["spec"]["template"]["spec"]["containers"]}:
-            harden(container, ALL)
-    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    return [hashed(deployment), cluster_service(name, namespace, owner, port, robot.master.addresses.get(name))]
-
-
 def more_than_baseline(app: App) -> str:
     """What of an app the level `baseline` of Kubernetes' Pod Security Standards forbids, or nothing."""
     asked = {
@@ -66,8 +45,3 @@ def more_than_baseline(app: App) -> str:
         "host_port": [port for port in app.ports if port.host_port],
     }
     return ", ".join(key for key, value in asked.items() if value)
-
-
-def pod_security_labels(robot: Robot) -> dict[str, str]:
-    """Of the robot's namespace; none unless the inventory asks for a level."""
-    return {POD_SECURITY: robot.pod_security} if robot.pod_security else {}

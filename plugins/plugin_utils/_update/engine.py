@@ -37,10 +37,9 @@ from .._kube.running import TODO, outdated
 from .._model import names
 from .._model.context import Robot, namespace_of
 from .._model.outcomes import UNCHANGED, UPDATED
-from .._objects.files import file_maps
+from .._objects.belongings import belongings
 from .._objects.namespace import removed_claims
 from .._objects.parts import READY, ground_objects, workload_objects
-from .._objects.ports import port_services
 from .addresses import located, other_master
 from .app_change import AppChange
 from .change import NOTHING, Learned, StepChange, Turn, word_of
@@ -276,7 +275,7 @@ class Engine(Hands):
         gone = [*self.plan.remnants]
         try:
             if apps & before:  # most have none
-                gone += unused(self.read(), apps, [*file_maps(self.robot), *port_services(self.robot)])
+                gone += unused(self.read(), apps, belongings(self.robot))
             self.delete(gone)
         except FleetError as error:
             self.say(f"what earlier versions had is still there: {error}")

@@ -15,7 +15,7 @@ from dataclasses import replace
 from ...module_utils._step.objects import app_of
 from .._model import names
 from .._model.context import Robot
-from .._objects.conditions import graph_conditions
+from .._objects.parts import graph_conditions
 from .addresses import SERVING
 from .plan import Plan, Step
 from .revisions import deployments_of

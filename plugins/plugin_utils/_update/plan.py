@@ -23,11 +23,9 @@ from .._model.context import Robot
 from .._model.order import in_order
 from .._model.windows import ALWAYS, Windows
 from .._objects.app import app_objects
-from .._objects.conditions import graph_conditions
 from .._objects.exporter import NAME as EXPORTER_NAME
-from .._objects.keeper import keeper_objects
-from .._objects.master import ros_core_objects
-from .._objects.parts import APPS, PARTS
+from .._objects.master import keeper_objects, ros_core_objects
+from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
 from .intended import intended
 from .nodes import Launched, launched

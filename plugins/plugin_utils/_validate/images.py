@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from .._model.finding import Problem, join_path
 from .._model.fleet import Fleet
-from .._objects.images import images
+from .._objects.parts import images
 from .said import Hosts, Said
 
 # What archives hold in the place of an image; nothing where one has it, or nobody can see.

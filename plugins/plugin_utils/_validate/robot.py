@@ -15,8 +15,7 @@ from .._model.context import MasterSettings
 from .._model.finding import Problem, join_path, repeated
 from .._model.formats import FORMS, moving_tag
 from .._model.topology import EDGE_CLUSTER
-from .._objects.keeper import plain_keeper
-from .._objects.master import plain_master
+from .._objects.master import plain_keeper, plain_master
 from .._objects.pod_settings import promised
 from .._objects.security import more_than_baseline
 from .dependencies import dependency_problems

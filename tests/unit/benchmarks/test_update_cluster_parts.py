@@ -138,13 +138,11 @@ def test_usage_of_an_arm_leaves_out_other_pods_and_counts_new_ones() -> None:
 
 
 def test_the_samplers_parsing() -> None:
-    for name in (
-        "pod4609bb65-a965-42cc-a6ec-82ed74715d96",
-        "kubepods-besteffort-pod4609bb65_a965_42cc_a6ec_82ed74715d96.slice",
-    ):
+    uid = "4609bb65-a965-42cc-a6ec-82ed74715d96"
+    for name in (f"pod{uid}", f"kubepods-besteffort-pod{uid.replace('-', '_')}.slice"):
         match = POD.search(name)
         assert match is not None
-        assert match.group(1).replace("_", "-") == "4609bb65-a965-42cc-a6ec-82ed74715d96"
+        assert match.group(1).replace("_", "-") == uid
     assert field("cache 1\ntotal_inactive_file 7\n", "total_inactive_file") == 7
     assert field("cache 1\n", "total_inactive_file") == 0
 

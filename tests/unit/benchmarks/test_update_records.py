@@ -21,35 +21,18 @@ NOTHING_LOST = {"sent": 100_000, "lost": 0, "duplicates": 3, "gap_ms": 5.0, "gap
 
 
 def made(app: str, update: str, arm: str, trial: int = 1, **values: Any) -> dict[str, Any]:
-    known = {
-        "app": app,
-        "update": update,
-        "arm": arm,
-        "stress": False,
-        "trial": trial,
-        "step_s": 4.0,
-        "busy_wait_s": 0.0,
-    }
-    return record({**known, **values})
+    known = {"app": app, "update": update, "arm": arm, "stress": False, "trial": trial}
+    return record({**known, "step_s": 4.0, "busy_wait_s": 0.0, **values})
 
 
 def everything(**fleet: Any) -> list[dict[str, Any]]:
     """Both arms as they should be; `fleet` changes the fleet arm's pub/sub."""
-    pubsub = [
+    answered = {"sent": 900, "failed": 0, "p95_before_ms": 10.0, "p95_run_ms": 10.9}
+    took = {"completion_before_ms": 200.0, "completion_during_ms": 239.0}
+    done = {"sent": 90, "aborted": 0, "lost": 0, "twice": 0, **took}
+    return [
         made("pubsub", "minor", "plain", **{**NOTHING_LOST, "lost": 8}),
         made("pubsub", "minor", "fleet", **{**NOTHING_LOST, "step_s": 7.9, **fleet}),
-    ]
-    answered = {"sent": 900, "failed": 0, "p95_before_ms": 10.0, "p95_run_ms": 10.9}
-    done = {
-        "sent": 90,
-        "aborted": 0,
-        "lost": 0,
-        "twice": 0,
-        "completion_before_ms": 200.0,
-        "completion_during_ms": 239.0,
-    }
-    return [
-        *pubsub,
         *(made("service", "server", arm, **answered) for arm in ("plain", "fleet")),
         *(made("action", "server", arm, **done) for arm in ("plain", "fleet")),
     ]
@@ -130,12 +113,9 @@ def test_persistent_clients_are_told_apart_and_a_queue_of_ten_counts() -> None:
 def test_a_service_is_not_slower_than_plain_and_stress_allows_an_action_more() -> None:
     slower = [{**item, "p95_run_ms": 10.8} if item["arm"] == "plain" else item for item in everything()]
     assert verdicts(judge(slower))[2] == MISS
-    stressed = [
-        {**item, "stress": True, "completion_during_ms": 259.0 if item["app"] == "action" else None}
-        for item in everything()
-    ]
-    assert verdicts(judge([item for item in stressed if item["app"] == "action"]))[3] == PASS
-    assert verdicts(judge([{**item, "stress": False} for item in stressed if item["app"] == "action"]))[3] == MISS
+    actions = [{**item, "completion_during_ms": 259.0} for item in everything() if item["app"] == "action"]
+    assert verdicts(judge([{**item, "stress": True} for item in actions]))[3] == PASS
+    assert verdicts(judge(actions))[3] == MISS
 
 
 def test_groups_keep_trials_together_and_arms_side_by_side() -> None:

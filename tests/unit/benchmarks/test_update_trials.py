@@ -10,6 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from published import Table, publish, published
 from update import page, pictures, series, svg
 from update.cores import kubelet_arguments, split
 from update.measure import Measured
@@ -168,3 +169,13 @@ def test_the_documentation_is_what_the_trials_give() -> None:
 def test_a_kubelet_leaves_the_cores_that_are_others_out() -> None:
     assert "reserved-cpus=1,2" in kubelet_arguments((0, 3), range(4))
     assert kubelet_arguments((0,), (0,)) == []
+
+
+def test_a_published_table_is_a_section_of_the_page(tmp_path: Path) -> None:
+    table = Table("Many robots", "On a machine.", ["robots", "s"], [["10", "1.5"]])
+    publish("second", Table("Later", "", [], []), tmp_path)
+    publish("first", table, tmp_path)
+    [first, second] = published(tmp_path)
+    assert (first, second.title) == (table, "Later")
+    assert page.section(first).splitlines()[:3] == ["## Many robots", "", "On a machine."]
+    assert "| 10     | 1.5 |" in page.section(first)

@@ -2,20 +2,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write the golden files anew: `.venv/bin/python tests/unit/golden/regenerate.py`. Read the diff before keeping it.
 
-A case is `cases/<name>.yml` with `robot` and `variables`; its golden file is `<name>.yml` beside this script:
-`{objects: [..], conditions: {..}, images: {local: [..], remote: [..]}}`.
+A case is `cases/<name>.yml` with `robot`, `variables` and what the exporter is asked for; its golden file is
+`<name>.yml` beside this script: `{objects: .., conditions: {..}, images: {local: [..], remote: [..]}}`.
 
-The case `minimal` is there as a whole. The others have what is not as there: `same` names the objects that are, and of
-another one there is what differs from one of its kind above it or in `minimal` (null: it has no such key; of a list
-that has all names of the other, the entries that differ). The hashes of a Deployment, and of its pods' template, are
-those of the whole.
+The case `minimal` is there as a whole. The others have what is not as there would be of their robot: `without` names
+the objects that there are not, and of another one there is, by its path, each value that differs from the one of its
+kind that is most like it (`like`), once their names are the same; null where it has none. Entries of a list are found
+by their names. The hashes of a Deployment, and of its pods' template, are those of the whole.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,42 +25,27 @@ import yaml
 CODE = {"run.py": "# stands for the code\n"}
 HERE = Path(__file__).resolve().parent
 BASE = "minimal"
-ROOM = 90  # characters, beside the indentation
+ROOM = 120  # characters, beside the indentation and the path
 Object = dict[str, Any]
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (  # noqa: E402
-    namespace_objects,
-    pull_secret_objects,
-    storage_objects,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import parts  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects  # noqa: E402
 
 
-def built(case: dict[str, Any]) -> dict[str, Any]:
-    """All that the workload functions make of a case."""
-    robot = Robot.from_variables(case["variables"], case["robot"])
+def built(case: Mapping[str, Any]) -> dict[str, Any]:
+    """All that is made of a case."""
+    robot, secrets = Robot.from_variables(case["variables"], case["robot"]), "robot_namespace_pull_secrets"
     return {
         "objects": [
-            *namespace_objects(robot),
-            *pull_secret_objects(robot, case["variables"].get("robot_namespace_pull_secrets", [])),
-            *storage_objects(robot),
-            *master_objects(robot),
-            *file_maps(robot),
-            *port_services(robot),
-            *code_maps(robot, CODE),
-            *app_objects(robot),
+            *parts.ground_objects(robot, parts.PARTS, case["variables"].get(secrets, []), CODE),
+            *parts.workload_objects(robot, parts.PARTS),
+            *exporter_objects(robot, CODE, **case.get("exporter", {})),
         ],
-        "conditions": graph_conditions(robot),
-        "images": {placement: images(robot, placement) for placement in ("local", "remote")},
+        "conditions": parts.graph_conditions(robot),
+        "images": {placement: parts.images(robot, placement) for placement in ("local", "remote")},
     }
 
 
@@ -72,49 +58,61 @@ def golden(name: str) -> dict[str, Any]:
     """What the case's golden file holds."""
     every = cases()
     made = built(every[name])
-    return made if name == BASE else beside(made, built(every[BASE]))
+    return made if name == BASE else beside(made, built({**every[BASE], "robot": every[name]["robot"]}))
 
 
 def beside(made: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
     """What is not as in the base."""
-    same = [named(item) for item in made["objects"] if item in base["objects"]]
-    others = [item for item in made["objects"] if item not in base["objects"]]
-    shown = [from_alike(item, [*base["objects"], *others[:place]]) for place, item in enumerate(others)]
-    conditions = differing(made["conditions"], base["conditions"])
-    return {"same": same, "objects": shown, "conditions": conditions, "images": made["images"]}
+    there, shown = {placed(item) for item in made["objects"]}, dict[str, Object]()
+    known: list[Object] = list(base["objects"])
+    for item in made["objects"]:
+        if item not in base["objects"]:
+            shown[placed(item)] = from_alike(item, known)
+            known.append(item)
+    return {
+        "without": [placed(item) for item in base["objects"] if placed(item) not in there],
+        "objects": shown,
+        "conditions": differing(made["conditions"], base["conditions"]),
+        "images": made["images"],
+    }
 
 
 def from_alike(item: Object, objects: Iterable[Object]) -> Object:
     """What is not as in that one of its kind that is most like it; `like` names one of another name."""
-    found = [(one["metadata"]["name"], differing(item, one)) for one in objects if one["kind"] == item["kind"]]
-    like, rest = min(found, key=lambda one: len(json.dumps(one[1])), default=("", item))
-    return rest if like in ("", item["metadata"]["name"]) else {"like": like, **rest}
+    name = item["metadata"]["name"]
+    alike = [one for one in objects if one["kind"] == item["kind"]]
+    found = {one["metadata"]["name"]: differing(item, _renamed(one, name)) for one in alike} or {name: item}
+    like = min(found, key=lambda one: len(json.dumps(found[one])))
+    return found[like] if like == name else {"like": like, **found[like]}
 
 
-def differing(item: Object, base: Object) -> Object:
-    """What of a mapping is not as in the base, with its kind and name; null for a key that it has not."""
-    found = {
-        key: value if key in ("kind", "name") else _differing(value, base.get(key))
-        for key, value in item.items()
-        if value != base.get(key) or key in ("kind", "name")
-    }
-    return {**found, **{key: None for key in base if key not in item}}
+def differing(own: Any, base: Any, path: str = "") -> Object:
+    """By path, the values that are not as in the base; null for one that is not there."""
+    inner, other = _by_key(own), _by_key(base)
+    if not (isinstance(inner, dict) and isinstance(other, dict)):
+        return {} if own == base else {path: own}
+    found: Object = {}
+    for key in [*inner, *(key for key in other if key not in inner)]:
+        found |= differing(inner.get(key), other.get(key), f"{path}.{key}" if path else key)
+    return found
 
 
-def _differing(value: Any, base: Any) -> Any:
-    """Of a list that has all names of the base's, the entries that are not as there."""
-    if isinstance(value, dict) and isinstance(base, dict):
-        return differing(value, base)
-    own, there = _by_name(value), _by_name(base)
-    if not own or not there or there.keys() - own.keys():
-        return value
-    return [differing(one, there.get(name, {})) for name, one in own.items() if one != there.get(name)]
+def _by_key(value: Any) -> Any:
+    """The entries of a list that all have names, by these; settings, which are JSON, as what they say."""
+    if isinstance(value, list) and value and all(isinstance(one, dict) and "name" in one for one in value):
+        return {one["name"]: one for one in value}
+    return json.loads(value) if isinstance(value, str) and value.startswith("{") else value
 
 
-def _by_name(items: Any) -> dict[str, Object]:
-    """The entries of a list of mappings that all have a name; nothing of another one."""
-    named = isinstance(items, list) and all(isinstance(one, dict) and "name" in one for one in items)
-    return {one["name"]: one for one in items} if named else {}
+def _renamed(item: Object, name: str) -> Object:
+    renamed: Object = json.loads(json.dumps(item).replace(item["metadata"]["name"], name))
+    return renamed
+
+
+def placed(item: Object) -> str:
+    """Kind, namespace and name."""
+    metadata = item["metadata"]
+    return f"{item['kind']} {metadata['namespace'] + '/' if 'namespace' in metadata else ''}{metadata['name']}"
 
 
 def named(item: Object) -> str:
@@ -136,18 +134,21 @@ class _Dumper(yaml.SafeDumper):
 
     def represent_sequence(self, *given: Any, **more: Any) -> yaml.SequenceNode:
         node = super().represent_sequence(*given, **more)
-        node.flow_style = bool(node.flow_style) and _words(node.value) <= ROOM
+        node.flow_style = _words(node) <= ROOM
         return node
 
     def represent_mapping(self, *given: Any, **more: Any) -> yaml.MappingNode:
         node = super().represent_mapping(*given, **more)
-        node.flow_style = bool(node.flow_style) and sum(map(_words, node.value)) <= ROOM
+        node.flow_style = _words(node) <= ROOM
         return node
 
 
-def _words(leaves: Iterable[yaml.Node]) -> int:
-    """The room that they take in a line."""
-    return sum(len(leaf.value) + 4 for leaf in leaves)
+def _words(node: yaml.Node) -> int:
+    """The room that it takes in a line; a text of several lines has none there."""
+    if isinstance(node.value, str):
+        return ROOM + 1 if "\n" in node.value else len(node.value) + 4
+    inner = chain.from_iterable(node.value) if isinstance(node, yaml.MappingNode) else node.value
+    return sum(map(_words, inner))
 
 
 def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
@@ -158,8 +159,8 @@ _Dumper.add_representer(str, _text)
 
 
 def write(path: Path, value: Any) -> None:
-    """One golden file."""
-    text = yaml.dump(value, Dumper=_Dumper, sort_keys=False, width=120, default_flow_style=None)
+    """One golden file. No mapping or list in one line is broken: the lint would have it indented."""
+    text = yaml.dump(value, Dumper=_Dumper, sort_keys=False, width=240)
     path.write_text(f"---\n{text}", encoding="utf-8")
 
 

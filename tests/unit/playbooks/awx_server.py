@@ -40,12 +40,9 @@ class Awx(ThreadingHTTPServer):
         self.files: tuple[str, ...] = FILES  # playbooks in the project's repository
         self.syncs = True  # whether a project's sync ends well
         self._numbers = 0
-        for kind, name in (
-            ("credential_types", "Machine"),
-            ("credential_types", "Vault"),
-            ("credentials", "Ansible Galaxy"),
-        ):
-            self.add(kind, {"name": name})
+        for name in ("Machine", "Vault"):
+            self.add("credential_types", {"name": name})
+        self.add("credentials", {"name": "Ansible Galaxy"})
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     @property
@@ -108,12 +105,8 @@ class Awx(ThreadingHTTPServer):
         first, *rest = names
         if not rest:
             return str(one.get(first)) == value
-        return any(
-            self._is(other, rest, value)
-            for kind in self.objects.values()
-            for other in kind
-            if other["id"] == one[first]
-        )
+        others = [other for kind in self.objects.values() for other in kind if other["id"] == one[first]]
+        return any(self._is(other, rest, value) for other in others)
 
 
 def _wrong_rule(rule: str) -> str:
@@ -150,11 +143,8 @@ class _Handler(BaseHTTPRequestHandler):
     def _asked(self) -> tuple[list[str], dict[str, str], Any]:
         url = urlparse(self.path)
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        return (
-            url.path.removeprefix("/api/v2/").strip("/").split("/"),
-            dict(parse_qsl(url.query)),
-            json.loads(body or b"{}"),
-        )
+        place = url.path.removeprefix("/api/v2/").strip("/").split("/")
+        return place, dict(parse_qsl(url.query)), json.loads(body or b"{}")
 
     def do_GET(self) -> None:
         place, query, _body = self._asked()

@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.controller_access import allows
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
 from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.playbooks.test_outcomes import until
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import allows
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from awx_job import IDLE, Ended, Job, Template
 

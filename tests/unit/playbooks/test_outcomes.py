@@ -63,12 +63,7 @@ def test_facts_neither_hide_nor_invent_outcomes(
     run = Run(control, ",".join(hosts), "--tags", "apps", environ=environ)
     assert run.plays.count(WAVE) == 1
     words = {name: run.outcome(name)[0] for name in hosts}
-    assert words == {
-        "edge2": "unchanged",
-        "robot2": "failed",
-        "robot3": "deferred-offline",
-        "robot4": "unchanged",
-    }
+    assert [*words.values()] == ["unchanged", "failed", "deferred-offline", "unchanged"]
     assert artifacts(run) == words
     assert "long ago" not in run.output
     assert run.status == 4

@@ -41,16 +41,15 @@ def test_robots_that_fail_end_the_waves_as_in_an_update(server: Server, control:
     )
 
 
+MASTERS = ["rosops-code", "ros-master"]
+
+
 @pytest.mark.parametrize(
     ("words", "made", "not_made"),
     [
-        (["--tags", "namespace,master"], ["rosops-code", "ros-master"], ["talker"]),
-        (["--tags", STAGES, "--skip-tags", "apps,ready"], ["rosops-code", "ros-master"], ["talker"]),
-        (
-            ["--tags", "namespace,observability", "--skip-tags", "observability"],
-            [],
-            ["rosops-code", "ros-master", "talker"],
-        ),
+        (["--tags", "namespace,master"], MASTERS, ["talker"]),
+        (["--tags", STAGES, "--skip-tags", "apps,ready"], MASTERS, ["talker"]),
+        (["--tags", "namespace,observability", "--skip-tags", "observability"], [], [*MASTERS, "talker"]),
     ],
 )
 def test_tags_mean_parts(

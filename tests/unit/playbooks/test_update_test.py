@@ -71,16 +71,9 @@ def test_a_recording_of_a_master(server: Server, control: Control, master: dict[
 def test_an_update_that_fails_and_nobody_who_sends(server: Server, control: Control, master: dict[str, str]) -> None:
     """No controller runs there, so what is next never gets ready."""
     control.write("next.yml", "temperature_image: x.example/temperature:2\n")
-    status, output = play(
-        control,
-        "update_test",
-        master,
-        "--tags",
-        STAGES,
-        update_test_next=[str(control.folder / "next.yml")],
-        update_test_end=str(control.folder / "listened"),
-        ansible_async_dir=str(control.folder / "async"),
-    )
+    said = {"update_test_end": str(control.folder / "listened"), "ansible_async_dir": str(control.folder / "async")}
+    wanted = [str(control.folder / "next.yml")]
+    status, output = play(control, "update_test", master, "--tags", STAGES, update_test_next=wanted, **said)
     assert status == 2, output
     assert "no message was seen on any topic; update ended with 2: robot1 failed: " in output
     made = server.find(path_of("Deployment", "robot-robot1", "temperature"))
@@ -90,15 +83,10 @@ def test_an_update_that_fails_and_nobody_who_sends(server: Server, control: Cont
 def rehearse(control: Control, **inventory: Any) -> tuple[int, str]:
     control.write("robot7.json", json.dumps(RECORDING))
     control.write("next.yml", "temperature_image: x.example/temperature:2\n")
-    return play(
-        control,
-        "update_test",
-        {"ros_master_image": "x.example/ros:1", **inventory},
-        "--tags",
-        STAGES,
-        update_test_recording=str(control.folder / "robot7.json"),
-        update_test_next=[str(control.folder / "next.yml")],
-    )
+    recording, wanted = str(control.folder / "robot7.json"), [str(control.folder / "next.yml")]
+    said = {"update_test_recording": recording, "update_test_next": wanted}
+    image = {"ros_master_image": "x.example/ros:1"}
+    return play(control, "update_test", {**image, **inventory}, "--tags", STAGES, **said)
 
 
 def test_a_robot_that_is_no_stage_is_not_touched(server: Server, control: Control) -> None:
@@ -114,18 +102,10 @@ def test_stand_ins_are_what_the_robot_gets(server: Server, control: Control, tmp
     assert status == 2, output
     assert "What was recorded does not play: site ended with 2: robot1 failed: install: 0 of 1 pods updated" in output
     assert "Update it meanwhile" not in output
-    made = {
-        name: server.find(path_of("Deployment", "robot-robot1", name))
-        for name in ("temperature", "temperature-stats", OTHERS)
-    }
-    images = {
-        name: one["spec"]["template"]["spec"]["containers"][0]["image"] for name, one in made.items() if one is not None
-    }
-    assert images == {
-        "temperature": "x.example/temperature:1",
-        "temperature-stats": "x.example/ros:1",
-        OTHERS: "x.example/ros:1",
-    }
+    names, ros = ("temperature", "temperature-stats", OTHERS), "x.example/ros:1"
+    made = {name: server.find(path_of("Deployment", "robot-robot1", name)) for name in names}
+    images = [one["spec"]["template"]["spec"]["containers"][0]["image"] for one in made.values() if one is not None]
+    assert images == ["x.example/temperature:1", ros, ros]
     assert "temperature:2" not in json.dumps(made)
     assert "{{ no template }}" in json.dumps(server.lists)
     assert not list((tmp_path / "temporary").iterdir())

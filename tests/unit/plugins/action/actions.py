@@ -1,15 +1,21 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An action plugin run by itself: arguments and variables in, result out."""
+"""An action plugin run by itself: arguments and variables in, result out; and a cluster in which no robot works."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import CONTROLLERS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
-def run(module: Any, args: dict[str, Any], task_vars: dict[str, Any], check_mode: bool = False) -> dict[str, Any]:
+
+def run(
+    module: Any, args: dict[str, Any], task_vars: dict[str, Any], check_mode: bool = False, **environment: str
+) -> dict[str, Any]:
     task = SimpleNamespace(args=args, check_mode=check_mode, async_val=0, diff=True, environment=None, no_log=False)
+    task.environment = [environment] if environment else None
     connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused", env_prefix=lambda **_: ""))
     templar = SimpleNamespace(template=lambda value: value)
     made = module.ActionModule(
@@ -17,3 +23,29 @@ def run(module: Any, args: dict[str, Any], task_vars: dict[str, Any], check_mode
     )
     found: dict[str, Any] = made.run(task_vars={"inventory_hostname": "robot1", **task_vars})
     return found
+
+
+class AtRest:
+    """A cluster in which the host's robot runs nothing, so that only its node has to be well, within `patience` s."""
+
+    def __init__(self, patience: float) -> None:
+        self.patience, self.beats = patience, 0
+
+    def read(self, _namespaces: Any) -> Live:
+        return Live()
+
+    def beat(self, _node: str) -> str:
+        self.beats += 1
+        return str(self.beats)
+
+    def confirm(self) -> None:
+        """Nobody else is there."""
+
+    def wait(self, objects: list[Any], timeout: float) -> None:
+        assert [item["kind"] for item in objects] == ["Node"]
+        assert timeout <= self.patience
+
+
+def allows(verb: str, group: str, resource: str) -> bool:
+    """Whether a controller's role has it."""
+    return any(group == of and resource in kinds and verb in verbs for of, kinds, verbs in CONTROLLERS)

@@ -5,20 +5,20 @@
 from __future__ import annotations
 
 import base64
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.action import _controller_access
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.controller_access import NAME, allows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import CONTROLLER, keeper_access
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import allows, run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 VARIABLES: dict[str, Any] = {**fleet_of(robot()), "inventory_hostname": "robot1"}
-SECRET = f"/api/v1/namespaces/kube-system/secrets/{NAME}"
+SECRET = f"/api/v1/namespaces/kube-system/secrets/{CONTROLLER}"
 
 
 def test_its_kubeconfig_is_written_once_and_is_nobody_s_to_see(
@@ -26,7 +26,7 @@ def test_its_kubeconfig_is_written_once_and_is_nobody_s_to_see(
 ) -> None:
     server.put("/api/v1/namespaces/kube-system", {"metadata": {}})
     data = {"token": base64.b64encode(b"hush").decode(), "ca.crt": base64.b64encode(b"authority").decode()}
-    server.put(SECRET, {"kind": "Secret", "metadata": {"name": NAME, "namespace": "kube-system"}, "data": data})
+    server.put(SECRET, {"kind": "Secret", "metadata": {"name": CONTROLLER, "namespace": "kube-system"}, "data": data})
     place = tmp_path / "made" / "edge.yaml"
     arguments = {**api, "dest": str(place)}
     assert run(_controller_access, arguments, VARIABLES, check_mode=True)["changed"]
@@ -44,16 +44,9 @@ def test_its_kubeconfig_is_written_once_and_is_nobody_s_to_see(
 
 def test_it_may_what_it_gives_the_keepers() -> None:
     """Else the API refuses their Roles."""
-    roles = [one for one in keeper_access(robot()) if one["kind"] == "Role"]
-    assert roles
-    given = [
-        (verb, group, resource)
-        for role in roles
-        for rule in role["rules"]
-        for group in rule["apiGroups"]
-        for resource in rule["resources"]
-        for verb in rule["verbs"]
-    ]
+    rules = [rule for one in keeper_access(robot()) if one["kind"] == "Role" for rule in one["rules"]]
+    given = [one for rule in rules for one in product(rule["verbs"], rule["apiGroups"], rule["resources"])]
+    assert given
     assert [one for one in given if not allows(*one)] == []
 
 

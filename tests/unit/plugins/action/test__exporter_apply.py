@@ -56,9 +56,3 @@ def test_check_mode_on_bare_hosts() -> None:
     result = run(_exporter_apply, {"kubeconfig": "/nowhere/edge.yaml"}, VARIABLES, check_mode=True)
     assert result["changed"]
     assert "there is no cluster yet; would create" in result["msg"]
-
-
-def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
-    failed = run(_exporter_apply, api, {})
-    assert failed["failed"]
-    assert "import the playbook rosops.fleet.validate" in failed["msg"]

@@ -5,39 +5,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost, RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import AtRest, run
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
-
-
-class Cluster:
-    """One in which robot1 runs nothing, so that only its node has to be well."""
-
-    def __init__(self) -> None:
-        self.beats = 0
-
-    def read(self, _namespaces: Any) -> Any:
-        return Live()
-
-    def beat(self, _node: str) -> str:
-        self.beats += 1
-        return str(self.beats)
-
-    def confirm(self) -> None:
-        """Nobody else is there."""
-
-    def wait(self, objects: list[Any], timeout: float) -> None:
-        assert [item["kind"] for item in objects] == ["Node"]
-        assert timeout <= 300
 
 
 class World:
@@ -46,7 +23,7 @@ class World:
         monkeypatch.setattr(ActionHost, "module", lambda _host, _name, _args, *_more: self.there())
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.there())
         monkeypatch.setattr(_guarded.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
-        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: Cluster())
+        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: AtRest(300))
         monkeypatch.setattr(gated.C, "DEFAULT_LOCAL_TMP", str(directory))
 
     def there(self) -> dict[str, Any]:
@@ -60,8 +37,8 @@ class World:
 
 
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[World]:
-    yield World(monkeypatch, tmp_path)
+def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> World:
+    return World(monkeypatch, tmp_path)
 
 
 def test_the_tasks_have_their_turn_and_are_proven(world: World) -> None:

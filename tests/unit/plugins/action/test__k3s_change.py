@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,8 @@ import pytest
 from ansible.errors import AnsibleConnectionFailure
 from ansible_collections.rosops.fleet.plugins.action import _k3s_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost, RobotHost
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import AtRest, run
 
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
 PLAN: dict[str, Any] = {
@@ -40,12 +38,12 @@ class Host:
         self.args: dict[str, Any] = {}  # of the last call with each state
         self.kept: list[tuple[Any, ...]] = []  # in the cluster, as soon as it is known
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
-        self.known_nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
+        self.known_nodes, self.robots_asked, self.cluster = [node("robot1")], False, AtRest(5)
         monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.module("true", {}))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext(self))
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
-        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: Cluster(self))
+        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: self.cluster)
         monkeypatch.setattr(gated, "robots_on", lambda *_args: self.robots_on())
         monkeypatch.setattr(gated.C, "DEFAULT_LOCAL_TMP", str(directory))
 
@@ -83,25 +81,9 @@ class Host:
         return run(_k3s_change, {"plan": plan}, variables, check_mode)
 
 
-class Cluster:
-    def __init__(self, host: Host) -> None:
-        self.host = host
-
-    def beat(self, _node: str) -> str:
-        self.host.beats += 1
-        return str(self.host.beats)
-
-    def confirm(self) -> None:
-        """Nobody else is there."""
-
-    def wait(self, objects: list[Any], timeout: float) -> None:
-        assert [item["kind"] for item in objects] == ["Node"]
-        assert timeout <= 5
-
-
 @pytest.fixture
-def host(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Host]:
-    yield Host(monkeypatch, tmp_path)
+def host(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Host:
+    return Host(monkeypatch, tmp_path)
 
 
 def test_what_was_staged_is_taken_and_proven(host: Host) -> None:
@@ -151,7 +133,7 @@ def test_what_nobody_has_proven_is_proven_without_a_restart(host: Host) -> None:
 def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
     host.known_nodes = []
     assert host.change(plan={"works": False})["outcome"]["outcome"] == "updated"
-    assert host.beats == 0
+    assert host.cluster.beats == 0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import pytest
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -107,13 +107,6 @@ def test_without_a_cluster_a_run_says_so() -> None:
     assert update(NOWHERE, "apps", strict=True)["msg"] == f"failed: {outcome(result)['reason']}"
 
 
-def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
-    known = {key: value for key, value in VARIABLES.items() if key != "fleet"}
-    result = run(_robot_update, {**api, "strict": True}, known)
-    assert result["failed"]
-    assert "import the playbook rosops.fleet.validate" in result["msg"]
-
-
 class Turns:
     """The action of several robots of one run, each with the word that its engine comes to."""
 
@@ -131,12 +124,8 @@ class Turns:
         return RobotOutcome(self.words[module._host] if not params["own"] else "updated", "why")
 
     def take(self, name: str, own: bool) -> dict[str, Any]:
-        known = {
-            **fleet_of(robot(name=name, master=self.masters)),
-            "ansible_play_batch": [name],
-            "inventory_hostname": name,
-        }
-        known |= {"ansible_play_hosts_all": ["robot1", "robot2", "robot3"], "ansible_run_tags": ["all"]}
+        known = {**fleet_of(robot(name=name, master=self.masters)), "ansible_play_batch": [name]}
+        known |= {"ansible_play_hosts_all": ["robot1", "robot2", "robot3"], "inventory_hostname": name}
         return run(_robot_update, {"own": own, "failure_budget": "0"}, known)
 
 

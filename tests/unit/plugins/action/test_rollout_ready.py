@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluste
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
 
@@ -45,20 +45,8 @@ def action(monkeypatch: pytest.MonkeyPatch, work: Any, args: dict[str, Any], che
     monkeypatch.setattr(rollout_ready, "wait_for_rollout", work)
     monkeypatch.setattr(rollout_ready, "look_once", lambda _kube, refs: {"looked": len(refs)})
     monkeypatch.setattr(os, "environ", dict(os.environ))
-    task = SimpleNamespace(
-        args={"objects": [TALKER], **args},
-        check_mode=check_mode,
-        async_val=0,
-        diff=False,
-        environment=[{"K8S_AUTH_API_KEY": "from-task"}],
-        no_log=False,
-    )
-    templar = SimpleNamespace(template=lambda value: value)
-    connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused", env_prefix=lambda **_: ""))
-    made = rollout_ready.ActionModule(
-        task=task, connection=connection, play_context=None, loader=None, templar=templar, shared_loader_obj=None
-    )
-    return made.run(task_vars={"inventory_hostname": "robot1"})
+    args = {"objects": [TALKER], **args}
+    return run(rollout_ready, args, {}, check_mode, K8S_AUTH_API_KEY="from-task")
 
 
 def test_success(monkeypatch: pytest.MonkeyPatch) -> None:

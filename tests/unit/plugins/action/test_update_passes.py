@@ -72,16 +72,8 @@ def test_more_robots_work_than_there_are_forks(tmp_path: Path) -> None:
         "ANSIBLE_CONFIG": str(tmp_path / "ansible.cfg"),
         "LC_ALL": "C.UTF-8",
     }
-    play = [
-        f"{Path(sys.executable).parent}/ansible-playbook",
-        "-i",
-        "hosts",
-        "--forks",
-        "2",
-        "--tags",
-        "apps",
-        "play.yml",
-    ]
+    program = f"{Path(sys.executable).parent}/ansible-playbook"
+    play = [program, *["-i", "hosts", "--forks", "2", "--tags", "apps", "play.yml"]]
     done = subprocess.run(  # noqa: S603 - of this file
         play, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
     )

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
-import json
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-import yaml
-from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
@@ -42,11 +40,8 @@ class FakeKeeper:
 
 
 class Run:
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self.monkeypatch, self.capsys = monkeypatch, capsys
-        self.looked: list[Any] = []
-        self.heard: list[Any] = []
-        self.verdict = PASS
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, main: Callable[..., dict[str, Any]]) -> None:
+        self.main, self.looked, self.heard, self.verdict = main, list[Any](), list[Any](), PASS
         monkeypatch.setattr(FakeKeeper, "calls", [])
         monkeypatch.setattr(ros_action_hold, "KeeperCalls", FakeKeeper)
         monkeypatch.setattr(ros_action_hold, "look", self.look)
@@ -58,15 +53,12 @@ class Run:
         return Look(self.verdict, [Check("action", "/work", self.verdict, "1 goal active")])
 
     def __call__(self, **params: Any) -> dict[str, Any]:
-        with patch_module_args({"actions": ACTIONS, "interval": 0.05, **params}), pytest.raises(SystemExit):
-            ros_action_hold.main()
-        found: dict[str, Any] = json.loads(self.capsys.readouterr().out)
-        return found
+        return self.main(ros_action_hold, **{"actions": ACTIONS, "interval": 0.05, **params})
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    return Run(monkeypatch, capsys)
+def run(monkeypatch: pytest.MonkeyPatch, main: Callable[..., dict[str, Any]]) -> Run:
+    return Run(monkeypatch, main)
 
 
 def test_all_have_to_be_idle_and_those_with_a_server_are_held(run: Run) -> None:
@@ -188,8 +180,3 @@ def test_a_keeper_that_is_away_for_a_moment_is_told_to_let_go(run: Run, monkeypa
 
 def test_release_needs_a_keeper(run: Run) -> None:
     assert "keeper_uri" in run(state="released")["msg"]
-
-
-def test_options_are_those_that_the_documentation_describes() -> None:
-    documented = set(yaml.safe_load(ros_action_hold.DOCUMENTATION)["options"])
-    assert documented == set(ros_action_hold.HOLD_ARGS)

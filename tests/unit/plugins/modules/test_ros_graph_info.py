@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import pytest
 import yaml
-from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
@@ -57,21 +55,28 @@ class FakeSockets:
         return dict.fromkeys(graph.services, 1)
 
 
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: str = "", **params: Any
-) -> dict[str, Any]:
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
+    """The module with these options, at a master that fails with `error`."""
     monkeypatch.setattr(ros_graph_info, "Ros1Client", FakeMaster)
-    child = FakeMaster.launched
-    monkeypatch.setattr(ros_graph_info, "children", lambda _ros, hosts: [child] if child.host in hosts else [])
-    monkeypatch.setattr(FakeMaster, "error", error)
-    with patch_module_args(params), pytest.raises(SystemExit):
-        ros_graph_info.main()
-    result: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return result
+
+    def children(_ros: Any, hosts: set[str]) -> list[Child]:
+        return [child for child in [FakeMaster.launched] if child.host in hosts]
+
+    monkeypatch.setattr(ros_graph_info, "children", children)
+
+    def called(error: str = "", **params: Any) -> dict[str, Any]:
+        monkeypatch.setattr(FakeMaster, "error", error)
+        return main(ros_graph_info, **params)
+
+    return called
 
 
-def test_the_graph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    result = run(monkeypatch, capsys, _ansible_check_mode=True)
+def test_the_graph(run: Run) -> None:
+    result = run(_ansible_check_mode=True)
     assert (result["changed"], result["elapsed"] >= 0) == (False, True)
     graph = result["graph"]
     assert set(graph) == {"nodes", "topics", "services", "actions", "launched"}
@@ -80,113 +85,100 @@ def test_the_graph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
     assert graph["actions"]["/work"]["servers"] == ["/worker"]
 
 
-def test_rates(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    result = run(monkeypatch, capsys, rates=True)
+def test_rates(run: Run) -> None:
+    result = run(rates=True)
     topics = result["graph"]["topics"]
     assert {topic["rate"] for topic in topics.values()} == {5.0}
     assert topics["/chatter"]["rates"] == {"/talker_a": 2.5, "/talker_b": 2.5}
     assert {topic["md5sum"] for topic in topics.values()} == {None}
 
 
-def test_a_part_of_the_graph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    nodes = run(monkeypatch, capsys, nodes=["/relay", "/not_there_yet"])["graph"]["nodes"]
+def test_a_part_of_the_graph(run: Run) -> None:
+    nodes = run(nodes=["/relay", "/not_there_yet"])["graph"]["nodes"]
     asked = {name for name, node in nodes.items() if node["uri"]}
     assert asked == {"/relay", "/talker_a", "/talker_b", "/listener_relay", "/rosout"}
     assert nodes["/worker"] == {**nodes["/worker"], "reachable": False, "error": ""}
 
 
-def test_what_launch_files_started(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_launch_files_started(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the nodes are that it is about, and with what the graph says of those that left their registration."""
-    [found] = run(monkeypatch, capsys)["graph"]["launched"]
+    [found] = run()["graph"]["launched"]
     assert (found["node"], found["crash"]) == ("/arm/lidar", "was started again 4 times")
-    assert run(monkeypatch, capsys, nodes=["/not_there_yet"])["graph"]["launched"] == []
-    assert len(run(monkeypatch, capsys, nodes=["/relay"])["graph"]["launched"]) == 1
+    assert run(nodes=["/not_there_yet"])["graph"]["launched"] == []
+    assert len(run(nodes=["/relay"])["graph"]["launched"]) == 1
     none_registered = {"nodes": ["/not_there_yet"], "launch_hosts": ["127.0.0.1"]}
-    assert len(run(monkeypatch, capsys, **none_registered)["graph"]["launched"]) == 1
+    assert len(run(**none_registered)["graph"]["launched"]) == 1
     dead = Child(f"{DEAD[1:]}-1", "127.0.0.1", False, None, False, False, 1)
     monkeypatch.setattr(FakeMaster, "launched", dead)
-    assert run(monkeypatch, capsys)["graph"]["launched"][0]["crash"] == "died, as its registration is still there"
+    assert run()["graph"]["launched"][0]["crash"] == "died, as its registration is still there"
 
 
-def test_rates_of_some_topics(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    topics = run(monkeypatch, capsys, rates=True, rate_topics=["/chatter"])["graph"]["topics"]
+def test_rates_of_some_topics(run: Run) -> None:
+    topics = run(rates=True, rate_topics=["/chatter"])["graph"]["topics"]
     assert [name for name, topic in topics.items() if topic["rate"] is not None] == ["/chatter"]
-    topics = run(monkeypatch, capsys, rates=True, rate_topics=[])["graph"]["topics"]
+    topics = run(rates=True, rate_topics=[])["graph"]["topics"]
     assert {topic["rate"] for topic in topics.values()} == {None}
 
 
-def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(run: Run) -> None:
     """Nobody else's streams are opened, nor one that nobody listens to: a lazy publisher would wake up."""
-    graph = run(monkeypatch, capsys, rates=True, rate_nodes=["/talker_a", "/nobody"], md5sums=True)["graph"]
+    graph = run(rates=True, rate_nodes=["/talker_a", "/nobody"], md5sums=True)["graph"]
     topics = graph["topics"]
     assert {name: topic["rates"] for name, topic in topics.items() if topic["rates"]} == {
         "/chatter": {"/talker_a": 2.5},
         "/rosout": {"/talker_a": 2.5},
     }
     assert {name for name, topic in topics.items() if topic["md5sum"]} == {"/chatter", "/rosout"}
-    unheard = run(monkeypatch, capsys, rates=True, rate_nodes=["/worker"])["graph"]["topics"]
+    unheard = run(rates=True, rate_nodes=["/worker"])["graph"]["topics"]
     alone = {name for name, topic in unheard.items() if "/worker" in topic["publishers"] and not topic["connections"]}
     assert alone
     assert not any(unheard[name]["rates"] for name in alone)
 
 
-def test_rates_by_counters_subscribe_to_nothing(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rates_by_counters_subscribe_to_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeMaster, "rates", None)
     monkeypatch.setattr(ros_graph_info, "sent", lambda _ros, _graph, topics, seconds: {
         "/chatter": Rate(100.0, int(100 * seconds), seconds),
         "/rosout": Rate(0.5, 1, seconds, few=True),
     } if "/chatter" in topics else {})  # fmt: skip
-    topics = run(monkeypatch, capsys, rates=True, rate_source="counters")["graph"]["topics"]
+    topics = run(rates=True, rate_source="counters")["graph"]["topics"]
     assert (topics["/chatter"]["rate"], topics["/chatter"]["rates"]) == (100.0, {})
     assert (topics["/rosout"]["rate"], topics["/rosout"]["rate_error"]) == (None, "1 message in 2.0 s")
 
 
-def test_md5sums(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    topics = run(monkeypatch, capsys, md5sums=True)["graph"]["topics"]
+def test_md5sums(run: Run) -> None:
+    topics = run(md5sums=True)["graph"]["topics"]
     assert {topic["md5sum"] for topic in topics.values()} == {"99"}
     assert not any("definition" in topic for topic in topics.values())
     assert {name: topic["latched"] for name, topic in topics.items() if topic["latched"]} == {"/chatter": ["/talker_a"]}
 
 
-def test_definitions(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    topics = run(monkeypatch, capsys, md5sums=True, definitions=True)["graph"]["topics"]
+def test_definitions(run: Run) -> None:
+    topics = run(md5sums=True, definitions=True)["graph"]["topics"]
     assert {topic["definition"] for topic in topics.values()} == {"string data"}
 
 
-def test_service_connections(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    services = run(monkeypatch, capsys)["graph"]["services"]
+def test_service_connections(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    services = run()["graph"]["services"]
     assert {service["connections"] for service in services.values()} == {None}
     monkeypatch.setattr(ros_graph_info, "ServiceConnections", FakeSockets)
-    services = run(monkeypatch, capsys, service_connections=True)["graph"]["services"]
+    services = run(service_connections=True)["graph"]["services"]
     assert {service["connections"] for service in services.values()} == {1}
 
 
-def test_the_documentation_is_the_argument_spec() -> None:
-    options = yaml.safe_load(ros_graph_info.DOCUMENTATION)["options"]
-    assert {
-        name: {key: value for key, value in option.items() if key != "description"} for name, option in options.items()
-    } == ros_graph_info.INFO_ARGS
-
-
-def test_no_master(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    result = run(monkeypatch, capsys, error="the ROS master does not answer")
+def test_no_master(run: Run) -> None:
+    result = run(error="the ROS master does not answer")
     assert (result["failed"], result["msg"]) == (True, "the ROS master does not answer")
 
 
 @pytest.mark.parametrize("seconds", [0, -1, 1e9, float("nan")])
-def test_a_time_that_cannot_be(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], seconds: float
-) -> None:
-    result = run(monkeypatch, capsys, rates=True, rate_seconds=seconds)
+def test_a_time_that_cannot_be(run: Run, seconds: float) -> None:
+    result = run(rates=True, rate_seconds=seconds)
     assert (result["failed"], "rate_seconds" in result["msg"]) == (True, True)
 
 
-def test_what_is_returned_is_documented(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    graph = run(monkeypatch, capsys)["graph"]
+def test_what_is_returned_is_documented(run: Run) -> None:
+    graph = run()["graph"]
     contains = yaml.safe_load(ros_graph_info.RETURN)["graph"]["contains"]
     assert set(graph) == set(contains)
     for part, entry in contains.items():

@@ -4,18 +4,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import pytest
-import yaml
-from ansible.module_utils.testing import patch_module_args
-from ansible_collections.rosops.fleet.plugins.doc_fragments import _gate, _ros, _values
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import ROS_ARGS
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.modules import ros_ready
@@ -56,25 +50,28 @@ TALKER_DOWN = build(
 )
 
 
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], graphs: list[Graph | str], **params: Any
-) -> dict[str, Any]:
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
+    """The module with these options, where the master's looks see these graphs."""
+
     monkeypatch.setattr(ros_ready, "Ros1Client", FakeMaster)
-    monkeypatch.setattr(FakeMaster, "graphs", graphs)
     monkeypatch.setattr(FakeMaster, "made", [])
-    with patch_module_args(params), pytest.raises(SystemExit) as ended:
-        ros_ready.main()
-    result: dict[str, Any] = json.loads(capsys.readouterr().out)
-    assert ended.value.code == (1 if result.get("failed") else 0)
-    assert result.get("changed", False) is False
-    return result
+
+    def called(graphs: list[Graph | str], **params: Any) -> dict[str, Any]:
+        monkeypatch.setattr(FakeMaster, "graphs", graphs)
+        result = main(ros_ready, **params)
+        assert result.get("changed", False) is False
+        return result
+
+    return called
 
 
 @pytest.mark.parametrize("check_mode", [False, True])
-def test_ready(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], check_mode: bool) -> None:
+def test_ready(run: Run, check_mode: bool) -> None:
     result = run(
-        monkeypatch,
-        capsys,
         [HEALTHY],
         master_uri="http://m:1",
         node_timeout=1.5,
@@ -96,25 +93,16 @@ def test_ready(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
     assert FakeMaster.made == [("http://m:1", 1.5)]
 
 
-def test_it_waits_until_the_graph_is_ready(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_waits_until_the_graph_is_ready(run: Run) -> None:
     result = run(
-        monkeypatch,
-        capsys,
-        ["the ROS master does not answer", TALKER_DOWN, HEALTHY],
-        nodes=["/talker_a"],
-        timeout=10,
-        interval=0.05,
+        ["the ROS master does not answer", TALKER_DOWN, HEALTHY], nodes=["/talker_a"], timeout=10, interval=0.05
     )
     assert (result["ready"], result["looks"]) == (True, 3)
     assert 0.1 <= result["elapsed"] < 5
 
 
-def test_a_time_out_names_every_unmet_condition(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_time_out_names_every_unmet_condition(run: Run) -> None:
     result = run(
-        monkeypatch,
-        capsys,
         [TALKER_DOWN],
         nodes=["/talker_a", "/talker_b", DEAD, "/nobody"],
         topics=[{"name": "/chatter", "publishers": 2}],
@@ -136,28 +124,26 @@ def test_a_time_out_names_every_unmet_condition(
     assert len(result["checks"]) == 7
 
 
-def test_what_waiting_cannot_mend_fails_at_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    result = run(monkeypatch, capsys, [HEALTHY], topics=[{"name": "/chatter", "type": "std_msgs/Int32"}], timeout=60)
+def test_what_waiting_cannot_mend_fails_at_once(run: Run) -> None:
+    result = run([HEALTHY], topics=[{"name": "/chatter", "type": "std_msgs/Int32"}], timeout=60)
     assert (result["verdict"], result["looks"]) == ("fail", 1)
     assert "cannot become ready" in result["msg"]
 
 
-def test_a_master_that_stays_away(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    result = run(monkeypatch, capsys, ["the ROS master does not answer: nothing listens"], nodes=["/a"], timeout=0)
+def test_a_master_that_stays_away(run: Run) -> None:
+    result = run(["the ROS master does not answer: nothing listens"], nodes=["/a"], timeout=0)
     assert (result["verdict"], [c["kind"] for c in result["checks"]]) == ("wait", ["master", "node"])
     assert "nothing listens" in result["msg"]
 
 
-def test_passes_in_a_row(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_passes_in_a_row(run: Run) -> None:
     looks: list[Graph | str] = [HEALTHY, TALKER_DOWN, HEALTHY]
-    result = run(monkeypatch, capsys, looks, nodes=["/talker_a"], consecutive=3, timeout=10, interval=0.05)
+    result = run(looks, nodes=["/talker_a"], consecutive=3, timeout=10, interval=0.05)
     assert (result["ready"], result["looks"]) == (True, 5)
 
 
-def test_too_few_passes_in_a_row_say_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    result = run(monkeypatch, capsys, [HEALTHY], nodes=["/talker_a"], consecutive=2, timeout=0)
+def test_too_few_passes_in_a_row_say_so(run: Run) -> None:
+    result = run([HEALTHY], nodes=["/talker_a"], consecutive=2, timeout=0)
     assert (result["ready"], result["verdict"]) == (False, "wait")
     assert "ready in 1 of 2 looks in a row" in result["msg"]
 
@@ -173,41 +159,13 @@ def test_too_few_passes_in_a_row_say_so(monkeypatch: pytest.MonkeyPatch, capsys:
         ({"interval": "soon"}, ["interval"]),
     ],
 )
-def test_bad_options(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], params: dict[str, Any], words: list[str]
-) -> None:
-    result = run(monkeypatch, capsys, [HEALTHY], **params)
+def test_bad_options(run: Run, params: dict[str, Any], words: list[str]) -> None:
+    result = run([HEALTHY], **params)
     assert result["failed"]
     assert all(word in result["msg"] for word in words)
     assert FakeMaster.made == []
 
 
-def test_a_master_uri_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
-    with patch_module_args({"master_uri": "ros-master:11311"}), pytest.raises(SystemExit):
-        ros_ready.main()
-    result = json.loads(capsys.readouterr().out)
+def test_a_master_uri_that_is_none(main: Run) -> None:
+    result = main(ros_ready, master_uri="ros-master:11311")
     assert (result["ready"], "is not http://host:port" in result["msg"]) == (False, True)
-
-
-def documented(text: str) -> dict[str, Any]:
-    """The documentation's options as an argument spec."""
-    spec = {}
-    for name, option in yaml.safe_load(text)["options"].items():
-        entry = {key: value for key, value in option.items() if key not in ("description", "suboptions")}
-        if "suboptions" in option:
-            entry["options"] = documented(yaml.safe_dump({"options": option["suboptions"]}))
-        spec[name] = entry
-    return spec
-
-
-def test_the_documentation_is_the_argument_spec() -> None:
-    assert documented(ros_ready.DOCUMENTATION) == WAIT_ARGS
-    assert documented(_gate.ModuleDocFragment.DOCUMENTATION) == GATE_ARGS
-    assert documented(_values.ModuleDocFragment.DOCUMENTATION) == VALUE_ARGS
-    assert documented(_ros.ModuleDocFragment.DOCUMENTATION) == ROS_ARGS
-
-
-def test_the_examples_use_options_that_there_are() -> None:
-    options = {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS, **VALUE_ARGS}
-    for task in yaml.safe_load(ros_ready.EXAMPLES):
-        assert set(task["rosops.fleet.ros_ready"]) <= set(options)

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 import yaml
-from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
@@ -50,8 +49,8 @@ class FakeRos:
 
 
 class Run:
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self.monkeypatch, self.capsys = monkeypatch, capsys
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, main: Callable[..., dict[str, Any]]) -> None:
+        self.monkeypatch, self.main = monkeypatch, main
         self.applied: list[Call] = []
         monkeypatch.setattr(ros_registrations, "Registrar", FakeRos)
         monkeypatch.setattr(ros_registrations, "BETWEEN_LOOKS", 0)
@@ -59,15 +58,12 @@ class Run:
     def __call__(self, there: dict[str, Entry], answers: dict[str, list[Liveness]], **params: Any) -> dict[str, Any]:
         for name, value in (("there", there), ("answers", answers), ("applied", self.applied)):
             self.monkeypatch.setattr(FakeRos, name, value)
-        with patch_module_args(params), pytest.raises(SystemExit):
-            ros_registrations.main()
-        result: dict[str, Any] = json.loads(self.capsys.readouterr().out)
-        return result
+        return self.main(ros_registrations, **params)
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    return Run(monkeypatch, capsys)
+def run(monkeypatch: pytest.MonkeyPatch, main: Callable[..., dict[str, Any]]) -> Run:
+    return Run(monkeypatch, main)
 
 
 def living() -> Liveness:
@@ -138,5 +134,3 @@ def test_what_is_returned_is_documented(run: Run) -> None:
     documented = yaml.safe_load(ros_registrations.RETURN)
     assert set(documented) == set(returned) - {"changed", "diff", "invocation", "warnings"}
     assert set(documented["restored"]["sample"][0]) == set(returned["restored"][0])
-    options = yaml.safe_load(ros_registrations.DOCUMENTATION)["options"]
-    assert set(options) == {*ros_registrations.REGISTRATION_ARGS, *ros_registrations.ROS_ARGS}

@@ -7,6 +7,7 @@ from __future__ import annotations
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import (
     AWAY_SECONDS,
     Fetch,
+    Way,
     first_time,
     given_way,
 )
@@ -97,6 +99,12 @@ class Servers:
         assert port == 6444  # as the server's own file says
         return host in self.serving
 
+    def fetch(self, directory: Path, **more: Any) -> Fetch:
+        return Fetch(directory, **{"read": self.read, "accepts": self.accepts, **more})
+
+    def way(self, directory: Path, hostvars: Any = HOSTVARS, options: Any = MappingProxyType({}), **more: Any) -> Way:
+        return self.fetch(directory, **more).way(HOME, hostvars, options)
+
 
 def server_of(way: Any) -> str:
     path = Path(way.options["kubeconfig"])
@@ -106,15 +114,13 @@ def server_of(way: Any) -> str:
 
 def test_it_is_fetched_from_the_first_server_and_once(tmp_path: Path) -> None:
     servers = Servers()
-    fetch = Fetch(tmp_path, servers.read, servers.accepts)
-    way = fetch.way(HOME, HOSTVARS, {"validate_certs": True})
+    way = servers.way(tmp_path, options={"validate_certs": True})
     assert server_of(way) == "https://10.0.0.1:6444"
     assert (way.own, way.environment, way.options["validate_certs"]) == (True, False, True)
-    again = Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {})
-    assert again.options["kubeconfig"] == way.options["kubeconfig"]
+    assert servers.way(tmp_path).options["kubeconfig"] == way.options["kubeconfig"]
     assert servers.asked == ["edge1"]
-    fetch.forget("edge")
-    fetch.way(HOME, HOSTVARS, {})
+    servers.fetch(tmp_path).forget("edge")
+    servers.way(tmp_path)
     assert servers.asked == ["edge1"] * 2
 
 
@@ -123,7 +129,7 @@ def test_a_hundred_agents_at_once_fetch_it_once(tmp_path: Path) -> None:
 
     def agent(_number: int) -> Any:
         meeting.wait(60)
-        return Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {}).options
+        return servers.way(tmp_path).options
 
     with ThreadPoolExecutor(100) as pool:
         ways = list(pool.map(agent, range(100)))
@@ -133,10 +139,7 @@ def test_a_hundred_agents_at_once_fetch_it_once(tmp_path: Path) -> None:
 
 def test_any_living_server_will_do(tmp_path: Path) -> None:
     servers = Servers(edge1=ServersAwayError("no route"))
-    assert (
-        server_of(Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {}))
-        == "https://[2001:db8::2]:6444"
-    )
+    assert server_of(servers.way(tmp_path)) == "https://[2001:db8::2]:6444"
 
 
 def test_a_hiccup_puts_off_nobody_and_is_told(tmp_path: Path) -> None:
@@ -149,8 +152,7 @@ def test_a_hiccup_puts_off_nobody_and_is_told(tmp_path: Path) -> None:
             raise hiccups.pop()
         return text
 
-    way = Fetch(tmp_path, read, servers.accepts, say=told.append).way(HOME, HOSTVARS, {})
-    assert server_of(way) == "https://10.0.0.1:6444"
+    assert server_of(servers.way(tmp_path, read=read, say=told.append)) == "https://10.0.0.1:6444"
     assert servers.asked == ["edge1", "edge2", "edge3", "edge1"]
     assert told == [
         f"the cluster edge gives no access on its server {server}: Connection reset by peer"
@@ -161,16 +163,15 @@ def test_a_hiccup_puts_off_nobody_and_is_told(tmp_path: Path) -> None:
 def test_one_whose_k3s_is_down_only_where_there_is_no_other(tmp_path: Path) -> None:
     servers = Servers(edge3=ServersAwayError("no route"))
     servers.serving = {"2001:db8::2"}
-    fetch = Fetch(tmp_path, servers.read, servers.accepts)
-    assert server_of(fetch.way(HOME, HOSTVARS, {})) == "https://[2001:db8::2]:6444"
+    assert server_of(servers.way(tmp_path)) == "https://[2001:db8::2]:6444"
     servers.serving = set()
-    fetch.forget("edge")
-    assert server_of(fetch.way(HOME, HOSTVARS, {})) == "https://10.0.0.1:6444"  # it may be back in a moment
+    servers.fetch(tmp_path).forget("edge")
+    assert server_of(servers.way(tmp_path)) == "https://10.0.0.1:6444"  # it may be back in a moment
 
 
 def test_what_stands_in_front_of_the_servers(tmp_path: Path) -> None:
     hostvars = {host: {**own, "k3s_api_endpoint": "api.example.org"} for host, own in HOSTVARS.items()}
-    way = Fetch(tmp_path, Servers().read, lambda *_: True).way(HOME, hostvars, {})
+    way = Servers().way(tmp_path, hostvars, accepts=lambda *_: True)
     assert server_of(way) == "https://api.example.org:6444"
 
 
@@ -187,7 +188,7 @@ def test_without_any_server_it_says_what_each_of_them_said(
 ) -> None:
     servers = Servers(edge1=each, edge2=each, edge3=each)
     now = [100.0]
-    fetch = Fetch(tmp_path, servers.read, servers.accepts, lambda: now[0])
+    fetch = servers.fetch(tmp_path, wall=lambda: now[0])
     for _robot in range(3):  # the second and the third of the cluster's robots do not wait for it again
         with pytest.raises(kind, match=said) as error:
             fetch.way(HOME, HOSTVARS, {})
@@ -200,11 +201,9 @@ def test_without_any_server_it_says_what_each_of_them_said(
 
 
 def test_a_server_that_is_away_is_no_server_without_k3s(tmp_path: Path) -> None:
-    servers = Servers(
-        edge1=ServersAwayError("no route"), edge2=NoClusterError("no k3s"), edge3=NoClusterError("no k3s")
-    )
+    none = NoClusterError("no k3s")
     with pytest.raises(KubeError) as error:
-        Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {})
+        Servers(edge1=ServersAwayError("no route"), edge2=none, edge3=none).way(tmp_path)
     assert not isinstance(error.value, (NoClusterError, ServersAwayError))
 
 

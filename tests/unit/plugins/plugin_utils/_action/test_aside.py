@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import subprocess
 import sys
@@ -15,8 +14,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import aside
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import started
 
 
 def work(turns: Turns) -> Mapping[str, Any]:
@@ -106,23 +105,11 @@ def test_it_outlives_its_task_and_ends_with_the_run(tmp_path: Path) -> None:
     program.write_text(RUN.format(paths=sys.path))
     with subprocess.Popen([sys.executable, str(program)], cwd=tmp_path, stdin=subprocess.PIPE) as run:  # noqa: S603
         until(tmp_path / "task")
-        assert aside._lives(int((tmp_path / "process").read_text()))()
+        assert started(int((tmp_path / "process").read_text()))
         assert not (tmp_path / "ended").exists()
         run.kill()
         # nobody has waited for the run yet, as where a container's first process does not
         assert until(tmp_path / "ended") == "the run was cancelled"
-
-
-def test_where_the_kernel_has_no_handles_a_process_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacking(_process: int) -> int:
-        raise OSError(errno.ENOSYS, "Function not implemented")
-
-    monkeypatch.setattr(os, "pidfd_open", lacking)
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:  # noqa: S603 - waits
-        lives = aside._lives(other.pid)
-        assert lives()
-        other.kill()
-    assert not lives()
 
 
 def until(path: Path, seconds: float = 20.0) -> str:

@@ -37,6 +37,7 @@ def test_nothing_is_left_in_a_workers_own_stdout() -> None:
     worker.join()
 
 
-def test_the_main_process_prints_as_ever(capsys: pytest.CaptureFixture[str]) -> None:
-    voice.say("robot1", "waits\nfor long")
-    assert capsys.readouterr().out == "[robot1] waits\n  for long\n"
+def test_a_name_can_write_neither_to_the_terminal_nor_another_hosts_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """The main process prints as ever."""
+    voice.say("robot1", "busy: /a\x1b[2J\x9b1m\n[robot2] failed")
+    assert capsys.readouterr().out == "[robot1] busy: /a\\x1b[2J\\x9b1m\n  [robot2] failed\n"

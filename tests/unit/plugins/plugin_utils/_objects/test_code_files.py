@@ -1,39 +1,32 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The code that goes into pods: complete, and runnable from a read-only mount."""
+"""The code that goes into pods: complete, runnable from a read-only mount, and in every namespace that needs it."""
 
 from __future__ import annotations
 
-import ast
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import COMMANDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
-    MODULE_UTILS,
     app_files,
+    code_maps,
     exporter_files,
-    relative_imports,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 FILES = {"app": app_files(), "exporter": exporter_files()}
 CONFIG_MAP_LIMIT = 1 << 20
 
 
-def module_of(name: str) -> str:
-    return "_pod.run" if name == "run.py" else name.removesuffix(".py")
-
-
 @pytest.mark.parametrize("files", FILES.values(), ids=FILES)
-def test_each_is_there_with_all_that_it_imports_and_fits(files: dict[str, str]) -> None:
-    for name, text in files.items():
-        assert {f"{found}.py" for found in relative_imports(module_of(name), text)} <= set(files)
-    assert files["run.py"] == (MODULE_UTILS / "_pod" / "run.py").read_text("utf-8")
+def test_each_fits(files: dict[str, str]) -> None:
     assert sum(map(len, files.values())) < CONFIG_MAP_LIMIT / 2
 
 
@@ -43,47 +36,29 @@ def test_each_pod_has_its_commands_and_not_the_others() -> None:
     assert "_exporter.main.py" in FILES["exporter"] and "_pod.started.py" not in FILES["exporter"]
 
 
-LATER = """
+# --- run from a mount -------------------------------------------------------------------------------------------------
+
+# `exec` waits for the master before it loads some; a keeper of a collection before 1.0 has the last one. The files of
+# both may be newer ones by then. `_pod.launch` runs by itself, where an image has roslaunch.
+IMPORT = """
 sys.meta_path.append(Flat({directory!r}))
-for name in ("_pod.namesake", "_pod.params", "_pod.latched_topics"):
+for name in {names!r}:
     found = importlib.import_module(f"{{ROOT}}.{{name}}")
-print(found.LatchedTopics.__module__)
+print(found.__name__)
 """
 
 
-def test_what_runs_on_while_its_files_change_finds_what_it_loads_later(tmp_path: Path) -> None:
-    """`exec` waits for the master before it loads two of them; a keeper of a collection before 1.0 has the third."""
-    for name, text in FILES["app"].items():
+@pytest.mark.parametrize(("kind", "last"), [("app", "_pod.latched_topics"), ("exporter", "_exporter.main")])
+def test_whatever_is_loaded_later_is_found(tmp_path: Path, kind: str, last: str) -> None:
+    files = FILES[kind]
+    for name, text in files.items():
         (tmp_path / name).write_text(text)
-    script = FILES["app"]["run.py"].rpartition("if __name__")[0] + LATER.format(directory=str(tmp_path))
+    names = [name.removesuffix(".py") for name in files if name not in ("run.py", "_pod.launch.py", f"{last}.py")]
+    tried = IMPORT.format(directory=str(tmp_path), names=[*names, last])
+    script = files["run.py"].rpartition("if __name__")[0] + tried
     found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=True)  # noqa: S603
-    assert found.stdout == "rosops_fleet._robot.latched_topics\n"
-
-
-def test_imports_in_functions_and_of_names_count() -> None:
-    text = "from . import a, b\nfrom .c import x\nimport os\nfrom .._d.e import y\ndef f():\n    from .._g import h\n"
-    assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]
-
-
-def test_no_form_of_an_import_is_overlooked() -> None:
-    """What Python itself reads of the files."""
-    for name, text in {**FILES["app"], **FILES["exporter"]}.items():
-        module = module_of(name)
-        named = [item for item in ast.walk(ast.parse(text)) if isinstance(item, ast.ImportFrom) and item.level]
-        whole = [item.module for item in named if _is_module(module, item)]
-        found = relative_imports(module, text)
-        assert len([one for one in found if any(one.endswith(str(end)) for end in whole)]) >= len(whole), name
-        assert len(found) == sum(1 if _is_module(module, item) else len(item.names) for item in named), name
-
-
-def _is_module(module: str, item: ast.ImportFrom) -> bool:
-    """Whether it names a module, and not a package of which it takes modules."""
-    return bool(item.module) and (item.level < len(module.split(".")) or "." in str(item.module))
-
-
-def test_imports_of_a_package_in_a_package() -> None:
-    text = "from . import a\nfrom .b import x\nfrom .. import c\nfrom ..d import y\nfrom ..._e.f import z\n"
-    assert sorted(relative_imports("_p.r.q", text)) == ["_e.f", "_p.c", "_p.d", "_p.r.a", "_p.r.b"]
+    assert found.stdout == f"rosops_fleet.{last}\n"
+    assert kind == "exporter" or {"_pod.namesake", "_pod.params"} <= set(names)
 
 
 def mounted(place: Path, files: dict[str, str]) -> Path:
@@ -163,3 +138,34 @@ def test_the_exporter_runs_from_a_mount_without_a_master(tmp_path: Path, python:
     assert 'ros_exporter_scrape_errors_total{reason="refused"} 1.0\n' in output
     assert "\nno OpenSSL\n" in output
     assert sorted(place.rglob("*")) == before
+
+
+# --- where it is ------------------------------------------------------------------------------------------------------
+
+CODE = {"run.py": "code"}
+APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
+FLEETS, PLAIN, BESIDE = {**APP, "scope": "fleet"}, {**APP, "hooks": "none"}, {**APP, "hooks": "sidecar"}
+ROBOT, FLEET = "robot-r1", "fleet"
+SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0.2.1:11311"}
+
+
+@pytest.mark.parametrize(
+    ("apps", "master", "places"),
+    [
+        ([], {}, [ROBOT]),  # the keeper's pod needs it
+        ([], EXTERNAL, []),
+        ([], SHARED, [FLEET]),
+        ([APP], {}, [ROBOT]),
+        ([APP], EXTERNAL, [ROBOT]),
+        ([APP], SHARED, [ROBOT, FLEET]),
+        ([PLAIN], {}, [ROBOT]),
+        ([PLAIN], EXTERNAL, []),
+        ([BESIDE], EXTERNAL, [ROBOT]),
+        ([FLEETS], SHARED, [FLEET]),
+        ([FLEETS], EXTERNAL, [FLEET]),
+    ],
+)
+def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, places: list[str]) -> None:
+    objects = code_maps(robot(*apps, name="r1", master=master), CODE)
+    assert [one["metadata"]["namespace"] for one in objects] == places
+    assert all((one["metadata"]["name"], one["data"]) == ("rosops-code", CODE) for one in objects)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -19,7 +19,7 @@ APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
 def contexts(*apps: dict[str, Any], **variables: Any) -> dict[str, Any]:
     """Deployment -> its container's securityContext."""
     made = robot(*apps, **variables)
-    objects = [*master_objects(made), *app_objects(made), *exporter_objects(made, {}, ExporterOptions())]
+    objects = [*master_objects(made), *app_objects(made), *exporter_objects(made, {})]
     return {
         one["metadata"]["name"]: one["spec"]["template"]["spec"]["containers"][0].get("securityContext")
         for one in objects
@@ -67,6 +67,12 @@ def test_overrides_come_last() -> None:
     master = {"overrides": overrides(asked, "ros-master-container"), "keeper_overrides": overrides(asked, "ros-keeper")}
     found = contexts(master=master)
     assert found["ros-master"] == found["ros-keeper"] == expected
+
+
+def test_a_container_that_somebody_puts_beside_ours_is_his() -> None:
+    beside = {"spec": {"template": {"spec": {"containers": [{"name": "mine", "image": "example.org/mine:1"}]}}}}
+    containers = master_objects(robot(master={"overrides": beside}))[0]["spec"]["template"]["spec"]["containers"]
+    assert ["securityContext" in one for one in containers] == [True, False]
 
 
 def in_the_container(context: dict[str, Any], before: set[str]) -> set[str]:

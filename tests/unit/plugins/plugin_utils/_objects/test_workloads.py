@@ -5,45 +5,26 @@
 from __future__ import annotations
 
 import copy
-import importlib.util
 import json
-import subprocess
-import sys
-import threading
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
-from xmlrpc.server import SimpleXMLRPCServer
 
 import kubernetes_validate
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
-    namespace_objects,
-    storage_objects,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
+from ansible_collections.rosops.fleet.tests.unit.golden import regenerate
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
-GOLDEN = Path(__file__).resolve().parents[3] / "golden"
 KUBERNETES = "1.34"
 
 
-def _regenerate() -> Any:
-    spec = importlib.util.spec_from_file_location("regenerate", GOLDEN / "regenerate.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-regenerate = _regenerate()
-CASES: dict[str, dict[str, Any]] = regenerate.cases()
+CASES = regenerate.cases()
 
 
 def case_objects(name: str) -> list[dict[str, Any]]:
@@ -79,24 +60,27 @@ def env(item: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", CASES)
 def test_golden(name: str) -> None:
-    assert regenerate.golden(name) == yaml.safe_load((GOLDEN / f"{name}.yml").read_text("utf-8"))
+    assert regenerate.golden(name) == yaml.safe_load((regenerate.HERE / f"{name}.yml").read_text("utf-8"))
 
 
 def test_golden_files_have_cases() -> None:
-    assert {path.stem for path in GOLDEN.glob("*.yml")} == set(CASES)
+    assert {path.stem for path in regenerate.HERE.glob("*.yml")} == set(CASES)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_objects_fit_the_api(name: str) -> None:
+def test_objects_fit_the_api_and_each_other(name: str) -> None:
+    """Nothing but what a user asked for is started again and again."""
+    apps = CASES[name]["variables"].get("ros_apps", [])
+    asked = [one.get("readiness", {}).get("command") for one in apps]
+    own = [one["overrides"] for one in apps if "overrides" in one]
     for item in case_objects(name):
         kubernetes_validate.validate(item, KUBERNETES, strict=True)
-
-
-def test_the_api_schema_is_strict() -> None:
-    item = copy.deepcopy(deployment())
-    item["spec"]["template"]["spec"]["nodeSelektor"] = {}
-    with pytest.raises(kubernetes_validate.ValidationError):
-        kubernetes_validate.validate(item, KUBERNETES, strict=True)
+        if item["kind"] == "Deployment":
+            labels = item["spec"]["template"]["metadata"]["labels"]
+            assert item["spec"]["selector"]["matchLabels"].items() <= labels.items()
+            again = container(item).get("readinessProbe", {}).get("exec")
+            command = again["command"] if again else []
+            assert not again or command[-1] in asked or command in asked or "readinessProbe" in str(own)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -176,6 +160,21 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
     assert not {"command", "args"} & set(own)
 
 
+@pytest.mark.parametrize(
+    ("changes", "waits"),
+    [
+        ({}, True),
+        ({"pattern": "pubsub"}, False),  # it has a name of its own
+        ({"readiness": {"nodes": False}}, False),
+        ({"host_network": True, "placement": "local"}, False),  # nobody can tell whose a process is
+    ],
+)
+def test_a_new_version_waits_for_the_end_of_the_node_of_its_name(changes: dict[str, Any], waits: bool) -> None:
+    assert ("--after" in container(deployment(command=["talk"], **changes))["command"]) is waits
+    beside = pod(deployment(hooks="sidecar", **changes))["initContainers"][0]
+    assert ("--after" in beside["command"]) is waits
+
+
 def test_hooks_beside_the_app_are_told_what_they_are_told_within_it() -> None:
     def told(one: dict[str, Any]) -> dict[str, Any]:
         return {item["name"]: item.get("value", item.get("valueFrom")) for item in one["env"]}
@@ -250,12 +249,14 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
     fleet_app = app(scope="fleet", volumes=[{"name": "map"}])
     found = []
     for name in ("robot1", "robot2"):
-        full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=[{"name": "map"}])
+        own = [{"name": "own"}] if name == "robot1" else []
+        full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=[{"name": "map"}, *own])
         objects = [
             *namespace_objects(full),
             *storage_objects(full),
-            *master.master_objects(full),
+            *master_objects(full),
             *app_objects(full),
+            *exporter_objects(full, {}, claims=True),
         ]
         found.append(
             [
@@ -268,7 +269,7 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
     assert found[0] == found[1]
     assert [item["kind"] for item in found[0]] == [
         "Namespace", "ServiceAccount", "Role", "RoleBinding", "PersistentVolumeClaim",
-        "Deployment", "Service", "Deployment", "Service", "Deployment",
+        "Deployment", "Service", "Deployment", "Service", "Deployment", "ConfigMap", "Deployment",
     ]  # fmt: skip
 
 
@@ -318,57 +319,3 @@ def test_conditions_unite_all_apps() -> None:
         "interval": 0.2,
         "consecutive": 3,
     }
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_only_what_a_user_asked_for_is_started_again_and_again(name: str) -> None:
-    asked = [one.get("readiness", {}).get("command") for one in CASES[name]["variables"].get("ros_apps", [])]
-    own = [spec["overrides"] for spec in CASES[name]["variables"].get("ros_apps", []) if "overrides" in spec]
-    for item in case_objects(name):
-        probe = container(item).get("readinessProbe", {}) if item["kind"] == "Deployment" else {}
-        if "exec" in probe:
-            command = probe["exec"]["command"]
-            assert command[-1] in asked or command in asked or "readinessProbe" in str(own)
-
-
-@pytest.fixture
-def api_port(request: pytest.FixtureRequest) -> Iterator[int]:
-    """A stand-in for the master's XML-RPC API; `request.param` has the codes of getSystemState, a call each."""
-    codes = iter(request.param)
-    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
-        server.register_function(lambda _caller: [1, "", 42], "getPid")
-        server.register_function(lambda _caller: [next(codes), "", [[], [], []]], "getSystemState")
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield server.server_address[1]
-        server.shutdown()
-        thread.join()
-
-
-def probe(port: int) -> int:
-    code = master.PROBE.replace("11311", str(port))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode  # noqa: S603
-
-
-@pytest.mark.parametrize(("api_port", "status"), [([1], 0), ([0], 1), ([-1], 1)], indirect=["api_port"])
-def test_master_probe_asks_the_api(api_port: int, status: int) -> None:
-    assert probe(api_port) == status
-
-
-@pytest.mark.parametrize("api_port", [[0, -1, 1]], indirect=True)
-def test_a_masters_start_is_waited_for(api_port: int) -> None:
-    code = master.PROBE.replace("11311", str(api_port))
-    waited = subprocess.run(["sh", "-c", master.UNTIL, code], capture_output=True, check=False, timeout=60)  # noqa: S603, S607
-    assert (waited.returncode, waited.stderr) == (0, b"")
-
-
-def test_master_probe_fails_where_nobody_listens() -> None:
-    assert probe(1) != 0
-
-
-def test_selectors_are_among_the_pods_labels() -> None:
-    for name in CASES:
-        for item in case_objects(name):
-            if item["kind"] == "Deployment":
-                labels = item["spec"]["template"]["metadata"]["labels"]
-                assert item["spec"]["selector"]["matchLabels"].items() <= labels.items()

@@ -28,7 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import r
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import MAYBE_UNPROVEN

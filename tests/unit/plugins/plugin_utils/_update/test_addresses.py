@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
@@ -40,7 +40,7 @@ def services(of: Robot, **addresses: str) -> list[dict[str, Any]]:
 def test_no_pod_is_told_a_name(mode: str) -> None:
     made = located(robot(*APPS, master={"mode": mode}), Live(services=services(robot(master={"mode": mode}))))
     assert made.master.addresses == ADDRESSES
-    text = json.dumps([workload_objects(made, PARTS), exporter_objects(made, exporter_files(), ExporterOptions())])
+    text = json.dumps([workload_objects(made, PARTS), exporter_objects(made, exporter_files())])
     told = text.replace('"http://ros-master', "").replace('"http://ros-keeper', "")
     assert told == text
     assert text.count("http://10.43.0.17:11311") == 6  # keeper, exporter, three apps, and a sidecar

@@ -19,10 +19,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import keys
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions, images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import Report, check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
