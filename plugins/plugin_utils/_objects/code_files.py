@@ -8,7 +8,9 @@ The code is no part of a pod template: a newer collection restarts nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from ...module_utils._pod import run
@@ -18,28 +20,48 @@ from .._model.context import Robot
 from .common import config_map, owner_labels
 
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
-# Whole rooms of module_utils; their order is that of the files.
-ROOMS = ("_common", "_pod", "_robot", "_ros", "_step")
-EXPORTER_ROOMS = ("_common", "_exporter", "_ros")
+ENTRY, EXPORTER = "run.py", "exporter"
+LAUNCHER = "_pod.launch"  # runs by itself, on the image's own interpreter
 # A keeper of a collection before 1.0 loads it by this name when it first needs it, and it may run on with these files.
 FORMER = {"_pod.latched_topics.py": "from .._robot.latched_topics import LatchedTopics as LatchedTopics\n"}
+# Parsing all files costs every run a quarter of a second; our own code imports in no other form.
+_IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
 
 
 def app_files() -> dict[str, str]:
     """File name -> content of what app pods and the keeper run: `run.py`, and `<package>.<module>.py`."""
-    return {**_read(ROOMS), **FORMER}
+    commands = [module for command, module in run.COMMANDS.items() if command != EXPORTER]
+    return {**_read((*commands, LAUNCHER)), **FORMER}
 
 
 def exporter_files() -> dict[str, str]:
     """The same for the exporter's pod."""
-    return _read(EXPORTER_ROOMS)
+    return dict(_read((run.COMMANDS[EXPORTER],)))
 
 
-def _read(rooms: Sequence[str]) -> dict[str, str]:
-    paths = [path for room in rooms for path in sorted((MODULE_UTILS / room).rglob("*.py"))]
-    files = {".".join(path.relative_to(MODULE_UTILS).parts): path.read_text("utf-8") for path in paths}
-    files.pop("_pod.run.py", None)  # the entry has a name of its own
-    return {"run.py": Path(run.__file__).read_text("utf-8"), **files}
+@functools.cache
+def _read(modules: tuple[str, ...]) -> dict[str, str]:
+    """The entry, and every module that these reach: each byte is held in etcd for every robot, and in its pods."""
+    files, todo = {ENTRY: Path(run.__file__).read_text("utf-8")}, list(modules)
+    while todo:
+        module = todo.pop()
+        if f"{module}.py" not in files:
+            text = MODULE_UTILS.joinpath(*module.split(".")).with_suffix(".py").read_text("utf-8")
+            files[f"{module}.py"] = text
+            todo += relative_imports(module, text)
+    return files
+
+
+def relative_imports(module: str, text: str) -> list[str]:
+    """Modules (`<package>.<module>`) that a module imports anywhere in it, in functions, too."""
+    package = module.split(".")[:-1]
+    found: list[str] = []
+    for dots, name, listed in _IMPORT.findall(text):
+        where = ".".join([*package[: len(package) - len(dots) + 1], *([name] if name else [])])
+        whole = name and "." in where  # else it names a package, and modules of it
+        found += [where] if whole else [f"{where}.{one}" for one in _NAME.findall(listed)]
+    return found
 
 
 def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:

@@ -17,6 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
     app_files,
     code_maps,
     exporter_files,
+    relative_imports,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -34,6 +35,11 @@ def test_each_pod_has_its_commands_and_not_the_others() -> None:
     assert {f"{module}.py" for command, module in COMMANDS.items() if command != "exporter"} <= set(FILES["app"])
     assert not [name for name in FILES["app"] if "exporter" in name]
     assert "_exporter.main.py" in FILES["exporter"] and "_pod.started.py" not in FILES["exporter"]
+
+
+def test_imports_in_functions_and_of_names_count() -> None:
+    text = "from . import a, b\nfrom .c import (\n    x,\n)\nfrom .._d.e import y\ndef f():\n    from .._g import h\n"
+    assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]
 
 
 # --- run from a mount -------------------------------------------------------------------------------------------------
