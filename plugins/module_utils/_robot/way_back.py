@@ -21,7 +21,6 @@ import json
 from dataclasses import dataclass
 from typing import Iterable, Mapping, Sequence
 
-from .._step.lease import holder_of, version_of
 from .._step.objects import (
     Object,
     annotations_of,
@@ -29,6 +28,7 @@ from .._step.objects import (
     crashes,
     error_of,
     hash_of,
+    holder_of,
     is_in,
     name_of,
     node_of,
@@ -36,6 +36,7 @@ from .._step.objects import (
     revision_of_pod,
     rolled_out,
     suffix_of,
+    version_of,
 )
 from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
 from .._step.update_record import by_run, went_back
