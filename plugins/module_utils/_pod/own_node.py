@@ -12,6 +12,7 @@ import contextlib
 import os
 import select
 import socket
+import struct
 import xmlrpc.client
 from functools import partial
 from pathlib import Path
@@ -20,16 +21,30 @@ from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
-from .._ros.graph import MasterState, Node, Questions, Service, StatusReading, host_of
+from .._ros.graph import MasterState, Questions, Service, StatusReading, host_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
-from .calls import calls_under_way
 from .params import forget
 from .state import CALLER, TIMEOUT, Settings, State, load_state, ros_of, save_state
 
 ESTABLISHED, LISTEN = "01", "0A"  # Linux, include/net/tcp_states.h
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
+
+# The kernel's word on connections: sock_diag(7), struct tcp_info of linux/tcp.h.
+_NETLINK_SOCK_DIAG = 4
+_BY_FAMILY, _REQUEST_DUMP = 20, 0x301
+_ERROR, _DONE = 2, 3
+_ESTABLISHED = 1 << 1
+_WITH_INFO, _INFO = 1 << 1, 2  # inet_diag_req_v2.idiag_ext, and the attribute that it brings
+_HEADER = struct.Struct("=LHHLL")
+_QUESTION = struct.Struct("=BBBxL48x")
+_MESSAGE = struct.Struct("!4x2H40x4x")  # the ports; after them come expires, rqueue, wqueue, uid, inode
+_QUEUE = struct.Struct("=4xL12x")
+_ATTRIBUTE = struct.Struct("=HH")
+# ms since the last data went, and came, and since the peer last acknowledged any; segments of data that came and went
+_SPOKE = struct.Struct("=44xL4x2L92x2L")
+KERNEL = 1.0  # s for its answer
 
 
 def is_here(uri: str) -> bool:
@@ -43,40 +58,39 @@ def is_here(uri: str) -> bool:
     return True
 
 
-def state_of(node: Node, services: Mapping[str, str]) -> State:
-    """What later calls need to know without a master."""
-    return State(node.uri, node.pid, services)
+def own_nodes(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
+    """The pod's own nodes; or why there are none.
 
-
-def find_node(settings: Settings, seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
-    """The own node where an earlier call found it, else where the master says; or why there is none.
-
-    `seconds` is for each that is asked. A node that does not answer in them may be at work: only one whose port is
-    closed is down.
+    The one of the app's name is where an earlier call found it, else where the master says. Those of an app that names
+    them itself are found by the pod's address. `seconds` is for each that is asked. A node that does not answer in them
+    may be at work: only one whose port is closed is down.
     """
-    name, known = settings.node, load_state(settings.node)
-    if known.uri:
-        node = OwnNode(name, known.uri, known.services, settings)
+    expected, known = settings.node if settings.expect_node else "", load_state(settings.node)
+    if expected and known.uri:
+        node = OwnNode(expected, known.uri, known.services, settings)
         if node.process(seconds) == known.pid:
-            return node, ""
+            return [node], ""
     ros = ros_of(os.environ, seconds)
     try:
         state = ros.state()
-        if name not in state.nodes():
-            return None, f"node {name}: not registered with the master"
-        services = state.of(name, state.services)
-        graph = ros.ask(state, Questions({name: frozenset()}, services))
+        if expected and expected not in state.nodes():
+            return [], f"node {expected}: not registered with the master"
+        names = [expected] if expected else list(names_here(ros, settings, state))
+        services = {name: state.of(name, state.services) for name in names}
+        asked = tuple(one for names in services.values() for one in names)
+        graph = ros.ask(state, Questions({name: frozenset() for name in services}, asked))
     except RosError as error:
-        return None, str(error)
-    found = graph.node(name)
-    if found.refused or not found.uri:
-        return None, f"node {name}: registered, but down: {found.error}"
-    if not is_here(found.uri):
-        return None, f"node {name}: registered from {found.uri}, which is not this pod"
-    uris = service_uris(graph.services, services)
-    if found.reachable:
-        save_state(name, state_of(found, uris))
-    return OwnNode(name, found.uri, uris, settings), ""
+        return [], str(error)
+    found = [graph.node(name) for name in services if graph.node(name).uri and not graph.node(name).refused]
+    if not found:
+        down = f"node {expected}: registered, but down: {graph.node(expected).error}"
+        return [], down if expected else "no node is registered from this pod's address"
+    if expected and not is_here(found[0].uri):
+        return [], f"node {expected}: registered from {found[0].uri}, which is not this pod"
+    uris = {node.name: service_uris(graph.services, services[node.name]) for node in found}
+    if expected and found[0].reachable:
+        save_state(expected, State(found[0].uri, found[0].pid, uris[expected]))
+    return [OwnNode(node.name, node.uri, uris[node.name], settings) for node in found], ""
 
 
 def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:
@@ -90,22 +104,6 @@ def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[
     if settings.host_network:  # then the address is that of others, too
         return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}
     return found
-
-
-def nodes_here(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
-    """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
-    ros = ros_of(os.environ, seconds)
-    try:
-        state = ros.state()
-        named = names_here(ros, settings, state)
-        found = ros.ask(state, Questions({name: frozenset() for name in named}))
-        here = [name for name in named if not found.node(name).refused]
-        services = {name: state.of(name, state.services) for name in here}
-        asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
-    except RosError as error:
-        return [], str(error)
-    nodes = [OwnNode(name, found.node(name).uri, service_uris(asked, services[name]), settings) for name in here]
-    return nodes, "" if nodes else "no node is registered from this pod's address"
 
 
 def listens_here(port: int, proc: Path = Path("/proc")) -> bool:
@@ -225,3 +223,68 @@ def _rows(tables: Iterable[str]) -> Iterator[list[str]]:
     """
     for table in tables:
         yield from (fields for row in table.splitlines()[1:] for fields in [row.split()] if len(fields) > 9)
+
+
+# ---- calls under way
+
+
+def calls_under_way(ports: set[int]) -> int:
+    """Connections to these ports whose client waits for an answer; OSError where the kernel does not tell.
+
+    No node tells of its service connections. But in TCPROS whoever serves speaks last: on a connection whose client
+    sent something that is not answered yet, a call is under way; a persistent client that rests, and a topic's
+    subscriber, wait for the server to speak. The kernel says for every connection who spoke last.
+    """
+    return sum(
+        _is_asking(info, unread)
+        for family in (socket.AF_INET, socket.AF_INET6)
+        for port, unread, info in _connections(family)
+        if port in ports
+    )
+
+
+def _is_asking(info: bytes, unread: int) -> bool:
+    if unread:
+        return True
+    if len(info) < _SPOKE.size:
+        raise OSError("the kernel tells too little of its connections")
+    since_sent, since_received, since_acknowledged, segments_in, segments_out = _SPOKE.unpack_from(info)
+    if since_sent != since_received:
+        return bool(since_received < since_sent)
+    # Within one tick of the kernel's clock. What the peer acknowledged later than it last spoke is our answer.
+    if since_acknowledged < since_received:
+        return False
+    # Small messages are one segment each. Who got large ones may have asked again at once, so is waited for; except a
+    # topic's subscriber, who sends its header and nothing more.
+    return bool(segments_in > segments_out or 1 < segments_in < segments_out)
+
+
+def _connections(family: int) -> Iterator[tuple[int, int, bytes]]:
+    """Own port, bytes that nobody has read, and tcp_info of every connection."""
+    question = _QUESTION.pack(family, socket.IPPROTO_TCP, _WITH_INFO, _ESTABLISHED)
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, _NETLINK_SOCK_DIAG) as sock:
+        sock.settimeout(KERNEL)
+        sock.sendall(_HEADER.pack(_HEADER.size + len(question), _BY_FAMILY, _REQUEST_DUMP, 1, 0) + question)
+        while True:
+            reply = sock.recv(1 << 16)
+            while reply:
+                length, kind, _flags, _sequence, _port = _HEADER.unpack_from(reply)
+                if kind == _DONE:
+                    return
+                if kind == _ERROR:
+                    (number,) = struct.unpack_from("=i", reply, _HEADER.size)
+                    raise OSError(-number, os.strerror(-number))
+                yield _parsed(reply[_HEADER.size : length])
+                reply = reply[(length + 3) & ~3 :]
+
+
+def _parsed(message: bytes) -> tuple[int, int, bytes]:
+    port, _peer = _MESSAGE.unpack_from(message)
+    (unread,) = _QUEUE.unpack_from(message, _MESSAGE.size)
+    rest = message[_MESSAGE.size + _QUEUE.size :]
+    while len(rest) >= _ATTRIBUTE.size:
+        length, kind = _ATTRIBUTE.unpack_from(rest)
+        if kind == _INFO:
+            return port, unread, rest[_ATTRIBUTE.size : length]
+        rest = rest[max((length + 3) & ~3, _ATTRIBUTE.size) :]
+    return port, unread, b""

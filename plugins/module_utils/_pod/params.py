@@ -17,6 +17,7 @@ from typing import Iterable, Mapping, Sequence
 
 from .._common.errors import RefusalError, RosError
 from .._ros.client import Ros1Client
+from .._ros.rpc import Request
 from .kept_params import PRIVATE, Space, Values, full, merge
 from .state import CALLER, Settings, load_settings, ros_of
 
@@ -44,7 +45,7 @@ def set_all(environ: Mapping[str, str]) -> str:
         ros = ros_of(environ, SECONDS)
         if settings.keep_params:
             wanted, spent = _with_kept(wanted, settings, environ.get("ROSOPS_REVISION", ""), ros)
-        results = ros.calls([*_deletions(spent), *(("setParam", CALLER, *one) for one in wanted.items())])
+        results = ros.calls(_change(spent, wanted))
     except RosError as error:
         return str(error)
     set_ones = zip(wanted, results[len(spent) :])
@@ -62,11 +63,11 @@ def forget(settings: Settings, seconds: float) -> None:
         names.append(_whole(space.place, settings.node))
         left = {_whole(name, settings.node): value for name, value in space.left(keep).items()}
     if names:
-        ros_of(os.environ, seconds).calls([*_deletions(names), *(("setParam", CALLER, *one) for one in left.items())])
+        ros_of(os.environ, seconds).calls(_change(names, left))
 
 
-def _deletions(names: Iterable[str]) -> list[tuple[str, ...]]:
-    return [("deleteParam", CALLER, name) for name in names]
+def _change(gone: Iterable[str], values: Values) -> list[Request]:
+    return [*(("deleteParam", CALLER, name) for name in gone), *(("setParam", CALLER, *one) for one in values.items())]
 
 
 def _whole(name: str, node: str) -> str:

@@ -71,7 +71,11 @@ def state_file(node: str) -> str:
 
 def load_state(node: str) -> State:
     """Empty if there was no earlier call, or nothing can be kept here."""
-    return _as(State, _load(state_file(node)))
+    try:
+        with open(state_file(node), encoding="utf-8") as file:
+            return _as(State, _mapping(file.read()))
+    except (OSError, ValueError):
+        return State()
 
 
 def save_state(node: str, state: State) -> None:
@@ -94,14 +98,6 @@ def _as(kind: type[Said], found: Document) -> Said:
     """What it knows of it: the other side may be of a newer collection, or of an older one."""
     known = {one.name for one in fields(kind)}  # type: ignore[arg-type] # typeshed knows no protocol of dataclasses here
     return kind(**{key: value for key, value in found.items() if key in known})
-
-
-def _load(path: str) -> Document:
-    try:
-        with open(path, encoding="utf-8") as file:
-            return _mapping(file.read())
-    except (OSError, ValueError):
-        return {}
 
 
 def _mapping(text: str) -> Document:
