@@ -99,17 +99,13 @@ class Names(object):
         return found
 
 
-def is_manager(node):  # type: (Any) -> bool
-    return _words(node)[:1] == ["manager"] if node.package == "nodelet" else False
-
-
 def _words(node):  # type: (Any) -> List[str]
     return shlex.split(node.args or "")
 
 
 def kept_for_itself(node):  # type: (Any) -> Iterable[str]
     """The private names of a node that go with its version."""
-    return MANAGER if is_manager(node) else LOGGERS
+    return MANAGER if node.package == "nodelet" and _words(node)[:1] == ["manager"] else LOGGERS
 
 
 def remaps_of(node, full, private, resolve):
@@ -214,9 +210,6 @@ class Master(object):
         host, port = self.parse(self.api.lookupNode(node))
         return str(host), int(port)
 
-    def params(self):  # type: () -> Any
-        return self.api.getParam("/")
-
     def forget(self, names, server):  # type: (Iterable[str], str) -> None
         """Take parameters away, and where roslaunch is, in little time: this process is to end."""
         socket.setdefaulttimeout(ATTEMPT)
@@ -280,7 +273,7 @@ def launch_of(roslaunch, master, options):  # type: (Any, Master, Options) -> An
             self.known, self.others = set(map(stable, topics)), self.names.before(nodes)
             if self.others:
                 wanted = {name: param.value for name, param in self.config.params.items()}
-                changed = ", ".join(conflicts(wanted, master.params(), self.names))
+                changed = ", ".join(conflicts(wanted, master.api.getParam("/"), self.names))
                 if changed:
                     raise RLException("%s would change under the version at work; take handoff: replace" % changed)
             moved = [(self.names.moved(name), param.value) for name, param in self.config.params.items()]

@@ -223,22 +223,18 @@ class Claim:
     def __init__(self, cluster: Cluster, namespace: str, found: Object | None, at: Callable[[], str]) -> None:
         self.cluster, self.namespace, self.at = cluster, namespace, at
         self.found: Object = found or {"metadata": {"name": LEASE, "namespace": namespace}}
-        self.lost = False
 
     def renew(self) -> None:
         """Before whatever is done next; LostError where it is another one's now."""
-        self._write(KEEPER)
-        if self.lost:
+        if not self.write(KEEPER):
             raise LostError("somebody else changes it now")
 
-    def release(self) -> None:
-        if not self.lost:
-            self._write("")
-
-    def _write(self, holder: str) -> None:
+    def write(self, holder: str = "") -> bool:
+        """With this holder, or nobody, to let it go; False: it was another one's, and stays so."""
         body = lease_with(holder, self.found, KEEPER, LEASE_SECONDS, self.at())
         written = self.cluster.write_lease(self.namespace, body)
-        self.found, self.lost = written or self.found, written is None
+        self.found = written or self.found
+        return written is not None
 
 
 def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[str, Record]:

@@ -240,7 +240,7 @@ class StepWatch:
         except LostError as error:
             self._tell(about, lost.format(error))
         finally:
-            claim.release()
+            claim.write()
 
     # ---- the way back
 

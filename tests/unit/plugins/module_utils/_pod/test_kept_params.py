@@ -10,7 +10,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.kept_params import (
     Source,
     Space,
-    full,
     merge,
     tree_of,
 )
@@ -165,7 +164,3 @@ def test_the_inventory_stays_as_it_is() -> None:
     given: dict[str, Any] = {"/arm/pid": {"p": 1}, "/arm/pid/d": 2}
     merge(given, {"/arm/pid": {"p": 2}}, "/arm")
     assert given == {"/arm/pid": {"p": 1}, "/arm/pid/d": 2}
-
-
-def test_names() -> None:
-    assert [full(name, "/arm") for name in ("~rate", "/rate")] == ["/arm/rate", "/rate"]

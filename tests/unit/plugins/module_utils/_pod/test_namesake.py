@@ -58,11 +58,6 @@ def registered(master: Master) -> socket.socket:
     return made
 
 
-def test_a_name_that_nobody_has_is_free(master: Master) -> None:
-    assert Waiting(master.address).over(5)
-    assert master.asked == 1
-
-
 def test_the_process_that_has_the_name_is_waited_for(master: Master) -> None:
     """To its very end: it leaves the graph before."""
     with registered(master) as old:

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import own_node, state
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import OwnNode, established, own_nodes
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import OwnNode, own_nodes
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
@@ -246,22 +246,6 @@ def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:
 
 def test_a_shutdown_of_what_is_gone_is_done(peers: Peers) -> None:
     OwnNode(NODE, f"http://127.0.0.1:{peers.dead()}/", {}, SETTINGS).shut_down()
-
-
-TABLE = """\
-  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
-   0: 0100007F:9F6B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 3487123 1
-   1: 0100007F:9F6B 0100007F:BE2E 01 00000000:00000000 00:00000000 00000000     0        0 3487124 1
-   2: 0100007F:BE2E 0100007F:9F6B 01 00000000:00000000 00:00000000 00000000     0        0 3487125 1
-   3: 0100007F:9F6B 0100007F:BE30 06 00000000:00000000 03:00001000 00000000     0        0 0 3
-"""
-
-
-def test_established_counts_what_peers_hold_to_a_port() -> None:
-    assert established([TABLE], {0x9F6B}) == 1
-    assert established([TABLE, TABLE], {0x9F6B, 0xBE2E}) == 4
-    assert established([TABLE], {1}) == 0
-    assert established(["", "header only\n"], {1}) == 0
 
 
 # ---- calls under way

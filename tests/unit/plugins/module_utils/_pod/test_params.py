@@ -18,25 +18,6 @@ REVISION = "0a1b2c3d"
 SETTINGS = Settings("/arm", params={"~rate": 20, "~pid/gain": 1.5, "/limits": {"speed": 2}})
 
 
-def test_private_names_stand_under_the_node() -> None:
-    assert params.assignments(SETTINGS) == {"/arm/rate": 20, "/arm/pid/gain": 1.5, "/limits": {"speed": 2}}
-    assert params.assignments(Settings("/arm")) == {}
-
-
-@pytest.mark.parametrize(
-    ("node", "given", "revision", "gone"),
-    [
-        ("/arm", SETTINGS.params, REVISION, ["/arm/rate", "/arm/pid/gain"]),  # the next one has this name, too
-        (f"/arm_{REVISION}", SETTINGS.params, REVISION, [f"/arm_{REVISION}"]),  # nobody will have it any more
-        (f"/arm_{REVISION}", {}, REVISION, [f"/arm_{REVISION}"]),
-        ("/arm", {}, REVISION, []),
-        ("/arm_", {}, "", []),
-    ],
-)
-def test_what_goes_with_the_node(node: str, given: dict[str, Any], revision: str, gone: list[str]) -> None:
-    assert params.leavings(Settings(node, params=given), revision) == gone
-
-
 class Master:
     """A parameter server that takes no empty text, and keeps values by their whole names."""
 

@@ -270,13 +270,14 @@ def test_what_the_keeper_does_not_take_is_said() -> None:
     assert stop(node) == ["what /server has latched goes with it: OSError: it is gone"]
 
 
+@pytest.mark.parametrize("expect_node", [True, False])
 @pytest.mark.parametrize("what", ["calls", "hand_over", "unregister", "forget", "actions", "isolate", "hold"])
-def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
+def test_whatever_fails_the_node_is_stopped(what: str, expect_node: bool) -> None:
     node = Node({"/move": [IDLE]})
     node.raising = {what}
-    remarks = stop(node, held(node))
-    assert "shutdown" in node.order
-    assert bool(remarks) == (what != "calls")
+    remarks = stop(node, held(node), expect_node)
+    assert ("shutdown" if expect_node else "unregister") in node.order
+    assert bool(remarks) == (what != "calls" and (expect_node or what != "forget"))
 
 
 def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -340,27 +340,22 @@ def test_parameters_are_read_again_now_and_then(bench: Bench) -> None:
     assert bench.ros.params["robot"] == {"wheels": 5}
 
 
-def test_what_the_master_lost_by_itself_comes_back_at_the_second_look(bench: Bench) -> None:
-    """A service whose last provider left, while an earlier one lives."""
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (Liveness(DEAD, "nothing listens at http://t:1/"), "nothing listens at http://t:1/"),
+        (Liveness(ALIVE, "", 70), "another process answers at http://t:1/: 70, not 7"),
+    ],
+)
+def test_a_dead_node_goes_once_it_was_gone_twice(bench: Bench, answer: Liveness, why: str) -> None:
     bench.step()
-    talker = bench.ros.entries["/talker"]
-    bench.ros.entries["/talker"] = Entry(talker.uri, 7, talker.publications)
-    bench.step()
-    assert not bench.ros.entries["/talker"].services
-    bench.step()
-    assert bench.ros.entries["/talker"].services == TALKER.services
-    assert bench.said == ["restored /talker service /talker/get"]
-
-
-def test_a_dead_node_goes_once_it_was_gone_twice(bench: Bench) -> None:
-    bench.step()
-    bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens at http://t:1/")
+    bench.ros.verdicts["/talker"] = answer
     bench.steps(AGAIN)
     assert "/talker" in bench.registered()
     bench.steps(20)
     assert "/talker" not in bench.registered()
     [line] = bench.said
-    assert line.startswith("removed /talker service /talker/get, /talker publisher /chatter: nothing listens at")
+    assert line == f"removed /talker service /talker/get, /talker publisher /chatter: {why}"
 
 
 def test_one_that_only_hangs_stays(bench: Bench) -> None:

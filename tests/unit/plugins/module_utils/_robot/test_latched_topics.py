@@ -193,20 +193,6 @@ def test_who_had_it_does_not_get_it_again_unless_it_subscribes_anew(stage: Stage
     assert early.get(timeout=5) == b"go there"
 
 
-def test_a_next_version_that_has_latched_by_itself_needs_none(stage: Stage) -> None:
-    old_topic, new_topic = LatchingTopic(), LatchingTopic()
-    old, _new = stage.node(OLD, old_topic), stage.node(NEW, new_topic)
-    old_topic.publish(b"old")
-    new_topic.publish(b"new")
-    assert stage.hook(old) == ""
-    stage.look()
-    while stage.keeper.values:
-        stage.keeper.hear(stage.selector, 5.0)
-    stage.end_of(old)
-    stage.look(SETTLE)
-    assert not stage.offered()
-
-
 def test_another_definition_of_the_type_needs_none(stage: Stage) -> None:
     topic = LatchingTopic()
     old = stage.node(OLD, topic)

@@ -123,20 +123,6 @@ def hanging(seconds: float = 500.0) -> World:
     return world
 
 
-def test_its_pod_is_begun_anew() -> None:
-    world = hanging()
-    world.run(LOOK)
-    assert world.done == EVICTED
-    assert world.said == [f"{NAMESPACE}/camera: {WORDS}: its pod camera-x is begun anew"]
-
-
-def test_while_all_answer_nothing_is_asked_for() -> None:
-    world = hanging()
-    world.silence = Silence()
-    world.run(10 * LOOK)
-    assert world.requests.count("pods") == 0
-
-
 def test_a_laptop_that_sleeps_costs_one_request() -> None:
     world = hanging()
     laptop = Silence({"/rviz": (f"http://{ADDRESSES['laptop']}:1/", 9000.0)})
@@ -208,6 +194,7 @@ def test_goals_elsewhere_are_no_reason() -> None:
     world = planning(hanging(), ACTIVE, pod_of="arm")
     world.run(LOOK)
     assert world.done == EVICTED
+    assert world.said == [f"{NAMESPACE}/camera: {WORDS}: its pod camera-x is begun anew"]
 
 
 def test_goals_that_nobody_can_read_are_waited_for_five_times_as_long() -> None:
