@@ -54,10 +54,11 @@ def set_all(environ: Mapping[str, str]) -> str:
 
 def forget(settings: Settings, seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    revision, keep = os.environ.get("ROSOPS_REVISION", ""), settings.keep_params
+    revision = os.environ.get("ROSOPS_REVISION", "")
+    keep = [name for name in settings.keep_params if name.startswith(PRIVATE)]
     names = leavings(settings, revision)
     left: Values = {}
-    if any(name.startswith(PRIVATE) for name in keep):
+    if keep:
         seconds /= 2  # a question, and what follows from it
         space, _public = _look(ros_of(os.environ, seconds), settings.node, revision, [])
         names.append(_whole(space.place, settings.node))
@@ -77,8 +78,8 @@ def _whole(name: str, node: str) -> str:
 
 def _with_kept(given: Values, settings: Settings, revision: str, ros: Ros1Client) -> tuple[Values, list[str]]:
     """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
-    node, keep = settings.node, settings.keep_params
-    space, public = _look(ros, node, revision, [name for name in keep if not name.startswith(PRIVATE)])
+    node, keep = settings.node, [name for name in settings.keep_params if name.startswith(PRIVATE)]
+    space, public = _look(ros, node, revision, [name for name in settings.keep_params if name not in keep])
     source = space.source()
     found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
     merged = merge(given, {**public, **found}, node)

@@ -151,9 +151,8 @@ class StepWatch:
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
         soaking = self._soak(namespace, seen, there)
-        if seen.recorded != seen.version and self._record(namespace, there):
-            seen.recorded = seen.version
-        seen.nothing = None if steps or soaking or seen.recorded != seen.version else seen.version
+        recorded = self._record(namespace, there)
+        seen.nothing = seen.version if recorded and not (steps or soaking) else None
 
     def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
         """Those whose Deployments are marked; with SOAKING those that soak."""
@@ -278,7 +277,7 @@ class StepWatch:
             self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
-                other.recorded = other.nothing = None
+                other.nothing = None
 
     def _hold(self, claim: Claim, goals: Goals) -> list[str]:
         """Goals that come now are for the old server."""

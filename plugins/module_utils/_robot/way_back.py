@@ -192,8 +192,8 @@ class Observed:
         """`came_up` are the keys of steps that an earlier keeper saw rolled out."""
         self.version = ""  # the Lease's
         self.free = False
-        self.nothing: str | None = None  # the Lease's version at which nothing was marked,
-        self.recorded: str | None = None  # and for which the record of updates says what became of the steps
+        # the Lease's version at which nothing was marked, and the record of updates said what became of the steps
+        self.nothing: str | None = None
         self.came_up = frozenset(came_up)
         self.waited: dict[str, float] = {}  # step -> how long it was failing,
         self.rested: dict[str, float] = {}  # and since then was not
