@@ -28,6 +28,7 @@ from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .params import forget
 from .state import CALLER, TIMEOUT, Settings, State, load_state, ros_of, save_state
 
+PROC = Path("/proc")
 ESTABLISHED, LISTEN = "01", "0A"  # Linux, include/net/tcp_states.h
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
 
@@ -106,18 +107,26 @@ def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[
     return found
 
 
-def listens_here(port: int, proc: Path = Path("/proc")) -> bool:
+def listens_here(port: int) -> bool:
     """Whether a process of this container listens at the port. Another user's does not show it, and does not count."""
-    sockets = {
-        f"socket:[{fields[9]}]"
-        for fields in _rows(_tables(proc))
-        if fields[3] == LISTEN and int(fields[1].rpartition(":")[2], 16) == port
-    }
-    for file in proc.glob("[0-9]*/fd/*"):
+    sockets = {f"socket:[{inode}]" for own, state, inode in _sockets() if (own, state) == (port, LISTEN)}
+    for file in PROC.glob("[0-9]*/fd/*"):
         with contextlib.suppress(OSError):
             if os.readlink(file) in sockets:
                 return True
     return False
+
+
+def _sockets() -> Iterator[tuple[int, str, str]]:
+    """Own port, state and inode of the pod's TCP sockets.
+
+    A row is `sl local_address rem_address st queues timer retransmits uid timeout inode ...`, an address
+    `<hex>:<port in hex>`.
+    """
+    for table in (PROC / "net/tcp", PROC / "net/tcp6"):
+        for row in table.read_text("ascii").splitlines()[1:] if table.exists() else ():
+            fields = row.split()
+            yield int(fields[1].rpartition(":")[2], 16), fields[3], fields[9]
 
 
 def service_uris(found: Mapping[str, Service], names: Iterable[str]) -> dict[str, str]:
@@ -194,7 +203,7 @@ class OwnNode:
         with self._api(seconds) as api:
             edges = connections(api.call("getBusInfo"))
         streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
-        return max(0, established(_tables(Path("/proc")), ports) - streams)
+        return max(0, sum(own in ports and state == ESTABLISHED for own, state, _inode in _sockets()) - streams)
 
     def shut_down(self, seconds: float = TIMEOUT) -> None:
         """Ask it to end, and do not wait: rospy answers when it has ended, or never.
@@ -205,24 +214,6 @@ class OwnNode:
         with contextlib.suppress(OSError), self._api(seconds) as api:
             api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
             select.select([api.http.sock], [], [], REPLY)
-
-
-def established(tables: Iterable[str], ports: set[int]) -> int:
-    """Connections that peers hold to one of our ports, in the text of /proc/net/tcp and /proc/net/tcp6."""
-    return sum(fields[3] == ESTABLISHED and int(fields[1].rpartition(":")[2], 16) in ports for fields in _rows(tables))
-
-
-def _tables(proc: Path) -> list[str]:
-    return [path.read_text("ascii") for path in (proc / "net/tcp", proc / "net/tcp6") if path.exists()]
-
-
-def _rows(tables: Iterable[str]) -> Iterator[list[str]]:
-    """A row is `sl local_address rem_address st queues timer retransmits uid timeout inode ...`.
-
-    An address is `<hex>:<port in hex>`.
-    """
-    for table in tables:
-        yield from (fields for row in table.splitlines()[1:] for fields in [row.split()] if len(fields) > 9)
 
 
 # ---- calls under way
