@@ -20,8 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import keeper
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import PERIOD
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import PERIOD, KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot

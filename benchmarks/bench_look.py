@@ -33,8 +33,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer im
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import History, next_poll  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.judge import first_questions  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import PROBE, Keeper  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import PERIOD  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import PERIOD, KeptFiles  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look  # noqa: E402

@@ -52,8 +52,6 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
 POD_ROOMS = ("_common", "_ros", "_step", "_pod", "_robot")  # all that is in `rosops-code`; in a pod is no Ansible
 # What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
 ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_rehearsal/stand_in": ("rospy", "genpy")}
-# Part of a room -> the only file of it that the rest of the room may import.
-FENCED = {"_robot/forwarding": "calls"}
 
 _FILE = re.compile(r"[a-z][a-z0-9_]*\.py")
 
@@ -70,14 +68,14 @@ def wrongs(plugins: Path) -> list[str]:
         found += [
             f"{file}: imports {name}; {why}"
             for name in imported(file, text)
-            if (why := _forbidden(kind, rest[0], name.split(".")) or _fenced(file, name.split(".")))
+            if (why := _forbidden(kind, rest[0], name.split(".")))
         ]
     return found
 
 
 def _place(file: PurePosixPath, kind: str, rest: list[str]) -> Iterator[str]:
     rooms = HOST_ROOMS if kind == HOSTS else CONTROL_ROOMS
-    if len(rest) != 2 + ("/".join(rest[:2]) in FENCED) or rest[0] not in rooms:
+    if len(rest) != 2 or rest[0] not in rooms:
         yield f"{file}: lies in no room of {kind}; they are {' '.join(rooms)}"
     if not _FILE.fullmatch(rest[-1]):
         yield f"{file}: a file is named by a plain noun; the underscore stands on the directory"
@@ -95,16 +93,6 @@ def _forbidden(kind: str, room: str, name: list[str]) -> str:
     if kind == to_kind and room != to_room:
         allowed = (HOST_ROOMS if kind == HOSTS else CONTROL_ROOMS).get(room, ())
         return "" if to_room in allowed else f"{room} stands on {' '.join(allowed) or 'nothing'}"
-    return ""
-
-
-def _fenced(file: PurePosixPath, name: list[str]) -> str:
-    """Why a file may not import a name that lies behind a fence; nothing where it may."""
-    for fence, entry in FENCED.items():
-        inside = ["plugins", HOSTS, *fence.split("/")]
-        here = list(file.parts[: len(inside)]) == inside
-        if name[: len(inside)] == inside and not here and name[len(inside)] != entry:
-            return f"{fence} is entered by {entry} alone"
     return ""
 
 

@@ -79,11 +79,6 @@ WRONG = {
         {"module_utils/_host/facts.py": "import yaml\n"},
         "plugins/module_utils/_host/facts.py: imports yaml; hosts have the standard library alone",
     ),
-    "through a fence": (
-        {"module_utils/_robot/keeper.py": "from .forwarding import rules\n"},
-        "plugins/module_utils/_robot/keeper.py: imports plugins.module_utils._robot.forwarding.rules; "
-        "_robot/forwarding is entered by calls alone",
-    ),
     "a newer language": (
         {"module_utils/_ros/graph.py": "match 1:\n    case _:\n        pass\n"},
         "plugins/module_utils/_ros/graph.py:3: not of Python 3.8: ",

@@ -119,19 +119,13 @@ def judge(graph: Graph, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Ch
         return checks
     if wanted.contract:
         checks += _promised(graph, alive, wanted.contract)
-    open_gaps = gaps(graph, [node.name for node in alive])
     for own in alive:
         if own.connections is None:
             checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
-        lacking = [gap for gap in open_gaps if gap.node == own.name]
-        for topic in own.publications:
-            unreached = [gap for gap in lacking if gap.topic == topic and gap.role == "subscriber"]
-            if unreached:
-                checks.append(_reached(graph, unreached, forgiving, len(graph.topic(topic).subscribers)))
-        for topic in own.subscriptions:
-            if topic not in UNCOUNTED:
-                unheard = [gap for gap in lacking if gap.topic == topic and gap.role == "publisher"]
-                checks.append(_heard(graph, unheard, forgiving, topic))
+        lacking: dict[tuple[str, str], list[Gap]] = {}
+        for gap in gaps(graph, [own.name]):
+            lacking.setdefault((gap.topic, gap.role), []).append(gap)
+        checks += [_connected(graph, *one, forgiving) for one in lacking.items()]
         checks += [_served(graph, own, name) for name in own.services]
     return checks
 
@@ -184,23 +178,17 @@ def _together(graph: Graph, own: list[Node], contract: Contract) -> Iterable[Che
             yield Check("topic", topic, WAIT, f"{here} not connected to {other}, which is updated together with it")
 
 
-def _reached(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], registered: int) -> Check:
-    topic, waiting = lacking[0].topic, [gap for gap in lacking if not forgiving.get(gap)]
+def _connected(graph: Graph, end: tuple[str, str], lacking: list[Gap], forgiving: Mapping[Gap, str]) -> Check:
+    """Of a topic, and of what the own node is not connected to there: its subscribers, or its publishers."""
+    topic, role = end
+    waiting = [gap for gap in lacking if not forgiving.get(gap)]
     if not waiting:
         return Check("topic", topic, PASS, f"passes, though {listed(forgiving[gap] for gap in lacking)}")
-    missing = listed(_told(graph, gap.peer) for gap in waiting)
+    missing, registered = listed(_told(graph, gap.peer) for gap in waiting), len(graph.topic(topic).subscribers)
+    if role == "publisher":
+        return Check("topic", topic, WAIT, f"not connected to its publishers: missing {missing}")
     reason = f"{registered - len(lacking)} of {count(registered, 'subscriber')} connected: missing {missing}"
     return Check("topic", topic, WAIT, reason)
-
-
-def _heard(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], topic: str) -> Check:
-    waiting = [gap for gap in lacking if not forgiving.get(gap)]
-    if waiting:
-        missing = listed(_told(graph, gap.peer) for gap in waiting)
-        return Check("topic", topic, WAIT, f"not connected to its publishers: missing {missing}")
-    if lacking:
-        return Check("topic", topic, PASS, f"passes, though {listed(forgiving[gap] for gap in lacking)}")
-    return Check("topic", topic, PASS, "connected to its publishers")
 
 
 def _told(graph: Graph, name: str) -> str:

@@ -47,7 +47,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Space:
-    """The namespace in which the node of one version is, with names relative to it."""
+    """The namespace in which the node of one version is, with names relative to it. `keep`: private names alone."""
 
     own: str
     revision: str
@@ -95,9 +95,9 @@ class Space:
         return Source(doubt=why if left else "")
 
     def found(self, keep: Iterable[str], source: Source) -> Values:
-        """Whole name, but for the namespace, -> value of the private ones: as this version left them, or the source."""
+        """Whole name, but for the namespace, -> value of these: as this version left them, or the source."""
         found = {}
-        for name in _private(keep):
+        for name in keep:
             value = value_at(self.tree, full(name, f"{self.place}/{_VALUES}"))
             if value is None and source.root:
                 value = value_at(self.tree, full(name, source.root))
@@ -113,21 +113,21 @@ class Space:
         node, is_place, _rest = source.root.partition(f"{_PLACE}/")
         if not is_place:
             return [*spent, node, f"{node}{_PLACE}"]
-        taken = [full(name, source.root) for name in _private(keep)]
+        taken = [full(name, source.root) for name in keep]
         leaves = [leaf for leaf, _value in leaves_of(value_at(self.tree, source.root), source.root)]
         whole = all(any(_below(leaf, name) for name in taken) for leaf in leaves)
         return [*spent, *([f"{node}{_PLACE}"] if whole else taken)]
 
     def claim(self, keep: Iterable[str]) -> Values:
         """What tells the versions beside it that it has taken theirs over."""
-        return {f"{self.place}/{_NAMES}": _private(keep)} if self.own != self.base else {}
+        return {f"{self.place}/{_NAMES}": list(keep)} if self.own != self.base else {}
 
     def left(self, keep: Iterable[str]) -> Values:
         """Name -> value of what stays when this version ends: what none has taken over that is at work."""
         claims = [value_at(self.tree, f"{name}{_PLACE}/{_NAMES}") for name in self.at_work]
         taken = [full(name, "") for claim in claims if isinstance(claim, list) for name in claim]
         found = {}
-        for name in _private(keep):
+        for name in keep:
             value = value_at(self.tree, full(name, self.own))
             if value is not None and not any(_below(full(name, ""), other) for other in taken):
                 found[full(name, f"{self.place}/{_VALUES}")] = value
@@ -160,10 +160,6 @@ def merge(given: Values, found: Values, own: str) -> Merged:
             if _below(leaf, own) and not any(_below(leaf, other) for other in given):
                 result.values[leaf] = value
     return result
-
-
-def _private(names: Iterable[str]) -> list[str]:
-    return [name for name in names if name.startswith(PRIVATE)]
 
 
 def _words(name: str) -> list[str]:

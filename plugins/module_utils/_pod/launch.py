@@ -48,20 +48,17 @@ ERROR = "ERROR:"  # what roslaunch's errors begin with
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 
 
-def stable(name):
-    # type: (str) -> str
+def stable(name):  # type: (str) -> str
     """A graph name without revisions: `/camera_1a2b3c4d/image` is `/camera/image`."""
     return SUFFIX.sub("", name)
 
 
-def owner_of(name, nodes):
-    # type: (str, Iterable[str]) -> str
+def owner_of(name, nodes):  # type: (str, Iterable[str]) -> str
     """The node in whose private namespace a name stands; empty: in nobody's."""
     return max([node for node in nodes if name.startswith(node + "/")] or [""], key=len)
 
 
-def named(name, nodes):
-    # type: (str, Iterable[str]) -> List[str]
+def named(name, nodes):  # type: (str, Iterable[str]) -> List[str]
     """The nodes that somebody means by a name, which may leave out their namespace."""
     if name.startswith("/"):
         return [node for node in nodes if node == name]
@@ -71,33 +68,27 @@ def named(name, nodes):
 class Names(object):
     """The nodes of a launch file, by the names that they have in it, and what they are called with this revision."""
 
-    def __init__(self, nodes, revision):
-        # type: (Iterable[str], str) -> None
+    def __init__(self, nodes, revision):  # type: (Iterable[str], str) -> None
         self.nodes, self.suffix = sorted(nodes), "_" + revision if revision else ""
 
-    def moved(self, name):
-        # type: (str) -> str
+    def moved(self, name):  # type: (str) -> str
         """The name of a node, or of a parameter that is private to one, in this version."""
         top = name if name in self.nodes else owner_of(name, self.nodes)
         return top + self.suffix + name[len(top) :] if top else name
 
-    def is_own(self, node):
-        # type: (str) -> bool
+    def is_own(self, node):  # type: (str) -> bool
         return bool(self.suffix) and node.endswith(self.suffix) and node[: -len(self.suffix)] in self.nodes
 
-    def before(self, registered):
-        # type: (Iterable[str]) -> Set[str]
+    def before(self, registered):  # type: (Iterable[str]) -> Set[str]
         """Nodes of other versions of this launch file."""
         return set(node for node in registered if stable(node) in self.nodes and not self.is_own(node))
 
-    def private(self, names, node, skip):
-        # type: (Iterable[str], str, Iterable[str]) -> List[str]
+    def private(self, names, node, skip):  # type: (Iterable[str], str, Iterable[str]) -> List[str]
         """What of these topics and services, in stable names, is private to the node: without the node's name."""
         found = [name[len(node) + 1 :] for name in names if owner_of(name, self.nodes) == node]
         return sorted(name for name in set(found) if name and name not in skip)
 
-    def misplaced(self, names):
-        # type: (Iterable[str]) -> Dict[str, Set[str]]
+    def misplaced(self, names):  # type: (Iterable[str]) -> Dict[str, Set[str]]
         """Node -> its private names that stand below this version's name, where nobody else looks for them."""
         found = {}  # type: Dict[str, Set[str]]
         for name in names:
@@ -108,20 +99,13 @@ class Names(object):
         return found
 
 
-def is_manager(node):
-    # type: (Any) -> bool
-    return _words(node)[:1] == ["manager"] if node.package == "nodelet" else False
-
-
-def _words(node):
-    # type: (Any) -> List[str]
+def _words(node):  # type: (Any) -> List[str]
     return shlex.split(node.args or "")
 
 
-def kept_for_itself(node):
-    # type: (Any) -> Iterable[str]
+def kept_for_itself(node):  # type: (Any) -> Iterable[str]
     """The private names of a node that go with its version."""
-    return MANAGER if is_manager(node) else LOGGERS
+    return MANAGER if node.package == "nodelet" and _words(node)[:1] == ["manager"] else LOGGERS
 
 
 def remaps_of(node, full, private, resolve):
@@ -139,8 +123,7 @@ def remaps_of(node, full, private, resolve):
     return sorted(remaps.items())
 
 
-def arguments_of(node, full, names, resolve):
-    # type: (Any, str, Names, Callable[[str, str], str]) -> str
+def arguments_of(node, full, names, resolve):  # type: (Any, str, Names, Callable[[str, str], str]) -> str
     """A nodelet's load has to find the manager of its own version. ValueError: that is not in the launch file."""
     words = _words(node)
     if node.package != "nodelet" or words[:1] != ["load"] or len(words) < 3:
@@ -155,8 +138,7 @@ def arguments_of(node, full, names, resolve):
     return " ".join(quote(word) for word in words)
 
 
-def conflicts(wanted, there, names):
-    # type: (Mapping[str, object], Any, Names) -> List[str]
+def conflicts(wanted, there, names):  # type: (Mapping[str, object], Any, Names) -> List[str]
     """Parameters that the version before reads, too, and that this launch file would change under it."""
     found = []
     for name in sorted(wanted):
@@ -173,8 +155,7 @@ def conflicts(wanted, there, names):
 class Options(object):
     """What stands before the launch file's own arguments."""
 
-    def __init__(self, words, environ):
-        # type: (Sequence[str], Mapping[str, str]) -> None
+    def __init__(self, words, environ):  # type: (Sequence[str], Mapping[str, str]) -> None
         said = [word for word in words if word.startswith("--")]
         package = [word[len("--package=") :] for word in said if word.startswith("--package=")]
         files = [word for word in words if word not in said and ":=" not in word]
@@ -186,8 +167,7 @@ class Options(object):
 clock = getattr(time, "monotonic", time.time)  # a robot without a battery sets its clock just when pods start
 
 
-def listens(address):
-    # type: (Tuple[str, int]) -> bool
+def listens(address):  # type: (Tuple[str, int]) -> bool
     try:
         socket.create_connection(address, ATTEMPT).close()
     except (OSError, socket.error):
@@ -204,8 +184,7 @@ class Waiting(object):
         self.address_of, self.listening = address_of, listening
         self.places = {}  # type: Dict[str, Set[Tuple[str, int]]]
 
-    def over(self, node, before):
-        # type: (str, Iterable[str]) -> bool
+    def over(self, node, before):  # type: (str, Iterable[str]) -> bool
         """Whether all have gone that had this node's part; `before`: those that are registered now."""
         known = self.places.setdefault(node, set())
         for one in before:
@@ -218,28 +197,20 @@ class Waiting(object):
 class Master(object):
     """The ROS master, asked through the image's own rosgraph."""
 
-    def __init__(self, rosgraph):
-        # type: (Any) -> None
+    def __init__(self, rosgraph):  # type: (Any) -> None
         self.api, self.parse = rosgraph.Master("/rosops_fleet_launch"), rosgraph.network.parse_http_host_and_port
         self.away = (rosgraph.MasterException, OSError, socket.error)
 
-    def registered(self):
-        # type: () -> Tuple[Set[str], Set[str]]
+    def registered(self):  # type: () -> Tuple[Set[str], Set[str]]
         """Topics and services, and the nodes that have any."""
         state = [entry for kind in self.api.getSystemState() for entry in kind]
         return set(name for name, _nodes in state), set(node for _name, nodes in state for node in nodes)
 
-    def address_of(self, node):
-        # type: (str) -> Tuple[str, int]
+    def address_of(self, node):  # type: (str) -> Tuple[str, int]
         host, port = self.parse(self.api.lookupNode(node))
         return str(host), int(port)
 
-    def params(self):
-        # type: () -> Any
-        return self.api.getParam("/")
-
-    def forget(self, names, server):
-        # type: (Iterable[str], str) -> None
+    def forget(self, names, server):  # type: (Iterable[str], str) -> None
         """Take parameters away, and where roslaunch is, in little time: this process is to end."""
         socket.setdefaulttimeout(ATTEMPT)
         host, port = self.parse(server)
@@ -250,8 +221,7 @@ class Master(object):
                 pass
 
 
-def launch_of(roslaunch, master, options):
-    # type: (Any, Master, Options) -> Any
+def launch_of(roslaunch, master, options):  # type: (Any, Master, Options) -> Any
     """The class of roslaunch's own launch, with names of this revision."""
     from rosgraph.names import ns_join, resolve_name
     from roslaunch.core import Param, RLException, is_machine_local
@@ -259,8 +229,7 @@ def launch_of(roslaunch, master, options):
     anonymous = re.compile(r"_%d_\d+\Z" % os.getpid())  # $(anon): another one in each version as it is
 
     class Launch(roslaunch.parent.ROSLaunchParent):  # type: ignore[misc] # roslaunch has no types
-        def _load_config(self):
-            # type: () -> None
+        def _load_config(self):  # type: () -> None
             roslaunch.parent.ROSLaunchParent._load_config(self)
             self.by_name = {ns_join(node.namespace, node.name): node for node in self.config.nodes}
             elsewhere = [name for name, node in self.by_name.items() if not is_machine_local(node.machine)]
@@ -275,25 +244,21 @@ def launch_of(roslaunch, master, options):
         server_uri = ""  # as long as there was one, which forgets it at its end
         others = frozenset()  # type: Iterable[str]
 
-        def _start_server(self):
-            # type: () -> None
+        def _start_server(self):  # type: () -> None
             roslaunch.parent.ROSLaunchParent._start_server(self)
             self.server_uri = self.server.uri
 
-        def _start_pm(self):
-            # type: () -> None
+        def _start_pm(self):  # type: () -> None
             """roslaunch forgets how a process ended; whoever asks this one is told (`_ros/roslaunch.py`)."""
             roslaunch.parent.ROSLaunchParent._start_pm(self)
             monitor, alive = self.pm, self.pm.get_process
 
-            def get_process(name):
-                # type: (str) -> Any
+            def get_process(name):  # type: (str) -> Any
                 return alive(name) or next((one for one in monitor.dead_list if one.name == name), None)
 
             monitor.get_process = get_process
 
-        def _held(self):
-            # type: () -> List[str]
+        def _held(self):  # type: () -> List[str]
             found = []  # type: List[str]
             for word in options.held if options.revision else ():
                 meant = named(word, self.names.nodes)
@@ -303,13 +268,12 @@ def launch_of(roslaunch, master, options):
                 found += meant
             return found
 
-        def _take_names(self):
-            # type: () -> None
+        def _take_names(self):  # type: () -> None
             topics, nodes = master.registered()
             self.known, self.others = set(map(stable, topics)), self.names.before(nodes)
             if self.others:
                 wanted = {name: param.value for name, param in self.config.params.items()}
-                changed = ", ".join(conflicts(wanted, master.params(), self.names))
+                changed = ", ".join(conflicts(wanted, master.api.getParam("/"), self.names))
                 if changed:
                     raise RLException("%s would change under the version at work; take handoff: replace" % changed)
             moved = [(self.names.moved(name), param.value) for name, param in self.config.params.items()]
@@ -321,8 +285,7 @@ def launch_of(roslaunch, master, options):
                 self._rename(full)
                 self.by_name[full].name += self.names.suffix
 
-        def _rename(self, full):
-            # type: (str) -> None
+        def _rename(self, full):  # type: (str) -> None
             node = self.by_name[full]
             node.args, node.remap_args = self.given[full]
             private = self.names.private(self.known, full, kept_for_itself(node))
@@ -333,8 +296,7 @@ def launch_of(roslaunch, master, options):
                 if full not in self.held:
                     raise RLException(str(error))
 
-        def learn(self, topics):
-            # type: (Iterable[str]) -> None
+        def learn(self, topics):  # type: (Iterable[str]) -> None
             """Start those once more whose private names nobody knew."""
             for full, found in sorted(self.names.misplaced(topics).items()):
                 names = found.difference(kept_for_itself(self.by_name[full]))
@@ -345,8 +307,7 @@ def launch_of(roslaunch, master, options):
                     if self._end(self.by_name[full]):
                         self.begin(full)
 
-        def _end(self, node):
-            # type: (Any) -> bool
+        def _end(self, node):  # type: (Any) -> bool
             """Whether it was there: one that has ended is left so, as roslaunch does."""
             found = [process for process in self.pm.procs if process.name == node.process_name]
             for process in found:
@@ -358,17 +319,14 @@ def launch_of(roslaunch, master, options):
                 process.stop([])
             return bool(found)
 
-        def begin(self, full):
-            # type: (str) -> None
+        def begin(self, full):  # type: (str) -> None
             self.runner.launch_node(self.by_name[full])
 
-        def absent(self):
-            # type: () -> List[str]
+        def absent(self):  # type: () -> List[str]
             """Nodes that could not be started; roslaunch goes on without them."""
             return sorted(node.name for node in self.config.nodes if not node.process_name)
 
-        def why_absent(self, told):
-            # type: (Iterable[str]) -> str
+        def why_absent(self, told):  # type: (Iterable[str]) -> str
             """The nodes, and why by roslaunch's own words: without its list of all places where it has looked."""
             first = [text.strip().splitlines()[0] for text in told if text.strip().startswith(ERROR)]
             causes = [line[len(ERROR) :].strip() for line in first]
@@ -378,8 +336,7 @@ def launch_of(roslaunch, master, options):
     return Launch
 
 
-def attend(launch, master, waiting):
-    # type: (Any, Master, Waiting) -> None
+def attend(launch, master, waiting):  # type: (Any, Master, Waiting) -> None
     """Until nothing is held any more, and no private name is expected.
 
     No node is started once more when it does the work alone: where there was a version before, only beside it.
@@ -404,8 +361,7 @@ def attend(launch, master, waiting):
             launch.begin(full)
 
 
-def main(words):
-    # type: (Sequence[str]) -> int
+def main(words):  # type: (Sequence[str]) -> int
     """Does not return before the launch file's nodes have ended."""
     import rosgraph
     import roslaunch
@@ -419,8 +375,7 @@ def main(words):
 
         code = 0
 
-        def process_died(self, process_name, exit_code):
-            # type: (str, int) -> None
+        def process_died(self, process_name, exit_code):  # type: (str, int) -> None
             process = launch.pm.get_process(process_name)
             if process is not None and process.required:
                 self.code = exit_code or 1
@@ -457,8 +412,7 @@ def main(words):
     return deaths.code
 
 
-def _patience(roslaunch):
-    # type: (Any) -> Dict[str, float]
+def _patience(roslaunch):  # type: (Any) -> Dict[str, float]
     """For nodes that are deaf: an option of ROSLaunchParent since Noetic, constants before."""
     module = roslaunch.nodeprocess
     if hasattr(module, "DEFAULT_TIMEOUT_SIGINT"):

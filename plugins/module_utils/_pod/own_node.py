@@ -12,6 +12,7 @@ import contextlib
 import os
 import select
 import socket
+import struct
 import xmlrpc.client
 from functools import partial
 from pathlib import Path
@@ -20,16 +21,31 @@ from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
-from .._ros.graph import MasterState, Node, Questions, Service, StatusReading, host_of
+from .._ros.graph import MasterState, Questions, Service, StatusReading, host_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
-from .calls import calls_under_way
 from .params import forget
 from .state import CALLER, TIMEOUT, Settings, State, load_state, ros_of, save_state
 
+PROC = Path("/proc")
 ESTABLISHED, LISTEN = "01", "0A"  # Linux, include/net/tcp_states.h
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
+
+# The kernel's word on connections: sock_diag(7), struct tcp_info of linux/tcp.h.
+_NETLINK_SOCK_DIAG = 4
+_BY_FAMILY, _REQUEST_DUMP = 20, 0x301
+_ERROR, _DONE = 2, 3
+_ESTABLISHED = 1 << 1
+_WITH_INFO, _INFO = 1 << 1, 2  # inet_diag_req_v2.idiag_ext, and the attribute that it brings
+_HEADER = struct.Struct("=LHHLL")
+_QUESTION = struct.Struct("=BBBxL48x")
+_MESSAGE = struct.Struct("!4x2H40x4x")  # the ports; after them come expires, rqueue, wqueue, uid, inode
+_QUEUE = struct.Struct("=4xL12x")
+_ATTRIBUTE = struct.Struct("=HH")
+# ms since the last data went, and came, and since the peer last acknowledged any; segments of data that came and went
+_SPOKE = struct.Struct("=44xL4x2L92x2L")
+KERNEL = 1.0  # s for its answer
 
 
 def is_here(uri: str) -> bool:
@@ -43,40 +59,39 @@ def is_here(uri: str) -> bool:
     return True
 
 
-def state_of(node: Node, services: Mapping[str, str]) -> State:
-    """What later calls need to know without a master."""
-    return State(node.uri, node.pid, services)
+def own_nodes(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
+    """The pod's own nodes; or why there are none.
 
-
-def find_node(settings: Settings, seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
-    """The own node where an earlier call found it, else where the master says; or why there is none.
-
-    `seconds` is for each that is asked. A node that does not answer in them may be at work: only one whose port is
-    closed is down.
+    The one of the app's name is where an earlier call found it, else where the master says. Those of an app that names
+    them itself are found by the pod's address. `seconds` is for each that is asked. A node that does not answer in them
+    may be at work: only one whose port is closed is down.
     """
-    name, known = settings.node, load_state(settings.node)
-    if known.uri:
-        node = OwnNode(name, known.uri, known.services, settings)
+    expected, known = settings.node if settings.expect_node else "", load_state(settings.node)
+    if expected and known.uri:
+        node = OwnNode(expected, known.uri, known.services, settings)
         if node.process(seconds) == known.pid:
-            return node, ""
+            return [node], ""
     ros = ros_of(os.environ, seconds)
     try:
         state = ros.state()
-        if name not in state.nodes():
-            return None, f"node {name}: not registered with the master"
-        services = state.of(name, state.services)
-        graph = ros.ask(state, Questions({name: frozenset()}, services))
+        if expected and expected not in state.nodes():
+            return [], f"node {expected}: not registered with the master"
+        names = [expected] if expected else list(names_here(ros, settings, state))
+        services = {name: state.of(name, state.services) for name in names}
+        asked = tuple(one for names in services.values() for one in names)
+        graph = ros.ask(state, Questions({name: frozenset() for name in services}, asked))
     except RosError as error:
-        return None, str(error)
-    found = graph.node(name)
-    if found.refused or not found.uri:
-        return None, f"node {name}: registered, but down: {found.error}"
-    if not is_here(found.uri):
-        return None, f"node {name}: registered from {found.uri}, which is not this pod"
-    uris = service_uris(graph.services, services)
-    if found.reachable:
-        save_state(name, state_of(found, uris))
-    return OwnNode(name, found.uri, uris, settings), ""
+        return [], str(error)
+    found = [graph.node(name) for name in services if graph.node(name).uri and not graph.node(name).refused]
+    if not found:
+        down = f"node {expected}: registered, but down: {graph.node(expected).error}"
+        return [], down if expected else "no node is registered from this pod's address"
+    if expected and not is_here(found[0].uri):
+        return [], f"node {expected}: registered from {found[0].uri}, which is not this pod"
+    uris = {node.name: service_uris(graph.services, services[node.name]) for node in found}
+    if expected and found[0].reachable:
+        save_state(expected, State(found[0].uri, found[0].pid, uris[expected]))
+    return [OwnNode(node.name, node.uri, uris[node.name], settings) for node in found], ""
 
 
 def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:
@@ -92,34 +107,26 @@ def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[
     return found
 
 
-def nodes_here(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
-    """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
-    ros = ros_of(os.environ, seconds)
-    try:
-        state = ros.state()
-        named = names_here(ros, settings, state)
-        found = ros.ask(state, Questions({name: frozenset() for name in named}))
-        here = [name for name in named if not found.node(name).refused]
-        services = {name: state.of(name, state.services) for name in here}
-        asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
-    except RosError as error:
-        return [], str(error)
-    nodes = [OwnNode(name, found.node(name).uri, service_uris(asked, services[name]), settings) for name in here]
-    return nodes, "" if nodes else "no node is registered from this pod's address"
-
-
-def listens_here(port: int, proc: Path = Path("/proc")) -> bool:
+def listens_here(port: int) -> bool:
     """Whether a process of this container listens at the port. Another user's does not show it, and does not count."""
-    sockets = {
-        f"socket:[{fields[9]}]"
-        for fields in _rows(_tables(proc))
-        if fields[3] == LISTEN and int(fields[1].rpartition(":")[2], 16) == port
-    }
-    for file in proc.glob("[0-9]*/fd/*"):
+    sockets = {f"socket:[{inode}]" for own, state, inode in _sockets() if (own, state) == (port, LISTEN)}
+    for file in PROC.glob("[0-9]*/fd/*"):
         with contextlib.suppress(OSError):
             if os.readlink(file) in sockets:
                 return True
     return False
+
+
+def _sockets() -> Iterator[tuple[int, str, str]]:
+    """Own port, state and inode of the pod's TCP sockets.
+
+    A row is `sl local_address rem_address st queues timer retransmits uid timeout inode ...`, an address
+    `<hex>:<port in hex>`.
+    """
+    for table in (PROC / "net/tcp", PROC / "net/tcp6"):
+        for row in table.read_text("ascii").splitlines()[1:] if table.exists() else ():
+            fields = row.split()
+            yield int(fields[1].rpartition(":")[2], 16), fields[3], fields[9]
 
 
 def service_uris(found: Mapping[str, Service], names: Iterable[str]) -> dict[str, str]:
@@ -196,7 +203,7 @@ class OwnNode:
         with self._api(seconds) as api:
             edges = connections(api.call("getBusInfo"))
         streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
-        return max(0, established(_tables(Path("/proc")), ports) - streams)
+        return max(0, sum(own in ports and state == ESTABLISHED for own, state, _inode in _sockets()) - streams)
 
     def shut_down(self, seconds: float = TIMEOUT) -> None:
         """Ask it to end, and do not wait: rospy answers when it has ended, or never.
@@ -209,19 +216,66 @@ class OwnNode:
             select.select([api.http.sock], [], [], REPLY)
 
 
-def established(tables: Iterable[str], ports: set[int]) -> int:
-    """Connections that peers hold to one of our ports, in the text of /proc/net/tcp and /proc/net/tcp6."""
-    return sum(fields[3] == ESTABLISHED and int(fields[1].rpartition(":")[2], 16) in ports for fields in _rows(tables))
+# ---- calls under way
 
 
-def _tables(proc: Path) -> list[str]:
-    return [path.read_text("ascii") for path in (proc / "net/tcp", proc / "net/tcp6") if path.exists()]
+def calls_under_way(ports: set[int]) -> int:
+    """Connections to these ports whose client waits for an answer; OSError where the kernel does not tell.
 
-
-def _rows(tables: Iterable[str]) -> Iterator[list[str]]:
-    """A row is `sl local_address rem_address st queues timer retransmits uid timeout inode ...`.
-
-    An address is `<hex>:<port in hex>`.
+    No node tells of its service connections. But in TCPROS whoever serves speaks last: on a connection whose client
+    sent something that is not answered yet, a call is under way; a persistent client that rests, and a topic's
+    subscriber, wait for the server to speak. The kernel says for every connection who spoke last.
     """
-    for table in tables:
-        yield from (fields for row in table.splitlines()[1:] for fields in [row.split()] if len(fields) > 9)
+    return sum(
+        _is_asking(info, unread)
+        for family in (socket.AF_INET, socket.AF_INET6)
+        for port, unread, info in _connections(family)
+        if port in ports
+    )
+
+
+def _is_asking(info: bytes, unread: int) -> bool:
+    if unread:
+        return True
+    if len(info) < _SPOKE.size:
+        raise OSError("the kernel tells too little of its connections")
+    since_sent, since_received, since_acknowledged, segments_in, segments_out = _SPOKE.unpack_from(info)
+    if since_sent != since_received:
+        return bool(since_received < since_sent)
+    # Within one tick of the kernel's clock. What the peer acknowledged later than it last spoke is our answer.
+    if since_acknowledged < since_received:
+        return False
+    # Small messages are one segment each. Who got large ones may have asked again at once, so is waited for; except a
+    # topic's subscriber, who sends its header and nothing more.
+    return bool(segments_in > segments_out or 1 < segments_in < segments_out)
+
+
+def _connections(family: int) -> Iterator[tuple[int, int, bytes]]:
+    """Own port, bytes that nobody has read, and tcp_info of every connection."""
+    question = _QUESTION.pack(family, socket.IPPROTO_TCP, _WITH_INFO, _ESTABLISHED)
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, _NETLINK_SOCK_DIAG) as sock:
+        sock.settimeout(KERNEL)
+        sock.sendall(_HEADER.pack(_HEADER.size + len(question), _BY_FAMILY, _REQUEST_DUMP, 1, 0) + question)
+        while True:
+            reply = sock.recv(1 << 16)
+            while reply:
+                length, kind, _flags, _sequence, _port = _HEADER.unpack_from(reply)
+                if kind == _DONE:
+                    return
+                if kind == _ERROR:
+                    (number,) = struct.unpack_from("=i", reply, _HEADER.size)
+                    raise OSError(-number, os.strerror(-number))
+                yield _parsed(reply[_HEADER.size : length])
+                reply = reply[(length + 3) & ~3 :]
+
+
+def _parsed(message: bytes) -> tuple[int, int, bytes]:
+    port, _peer = _MESSAGE.unpack_from(message)
+    (unread,) = _QUEUE.unpack_from(message, _MESSAGE.size)
+    rest = message[_MESSAGE.size + _QUEUE.size :]
+    while len(rest) >= _ATTRIBUTE.size:
+        length, kind = _ATTRIBUTE.unpack_from(rest)
+        if kind == _INFO:
+            return port, unread, rest[_ATTRIBUTE.size : length]
+        rest = rest[max((length + 3) & ~3, _ATTRIBUTE.size) :]
+    return port, unread, b""

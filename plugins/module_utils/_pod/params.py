@@ -17,6 +17,7 @@ from typing import Iterable, Mapping, Sequence
 
 from .._common.errors import RefusalError, RosError
 from .._ros.client import Ros1Client
+from .._ros.rpc import Request
 from .kept_params import PRIVATE, Space, Values, full, merge
 from .state import CALLER, Settings, load_settings, ros_of
 
@@ -44,7 +45,7 @@ def set_all(environ: Mapping[str, str]) -> str:
         ros = ros_of(environ, SECONDS)
         if settings.keep_params:
             wanted, spent = _with_kept(wanted, settings, environ.get("ROSOPS_REVISION", ""), ros)
-        results = ros.calls([*_deletions(spent), *(("setParam", CALLER, *one) for one in wanted.items())])
+        results = ros.calls(_change(spent, wanted))
     except RosError as error:
         return str(error)
     set_ones = zip(wanted, results[len(spent) :])
@@ -53,20 +54,21 @@ def set_all(environ: Mapping[str, str]) -> str:
 
 def forget(settings: Settings, seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    revision, keep = os.environ.get("ROSOPS_REVISION", ""), settings.keep_params
+    revision = os.environ.get("ROSOPS_REVISION", "")
+    keep = [name for name in settings.keep_params if name.startswith(PRIVATE)]
     names = leavings(settings, revision)
     left: Values = {}
-    if any(name.startswith(PRIVATE) for name in keep):
+    if keep:
         seconds /= 2  # a question, and what follows from it
         space, _public = _look(ros_of(os.environ, seconds), settings.node, revision, [])
         names.append(_whole(space.place, settings.node))
         left = {_whole(name, settings.node): value for name, value in space.left(keep).items()}
     if names:
-        ros_of(os.environ, seconds).calls([*_deletions(names), *(("setParam", CALLER, *one) for one in left.items())])
+        ros_of(os.environ, seconds).calls(_change(names, left))
 
 
-def _deletions(names: Iterable[str]) -> list[tuple[str, ...]]:
-    return [("deleteParam", CALLER, name) for name in names]
+def _change(gone: Iterable[str], values: Values) -> list[Request]:
+    return [*(("deleteParam", CALLER, name) for name in gone), *(("setParam", CALLER, *one) for one in values.items())]
 
 
 def _whole(name: str, node: str) -> str:
@@ -76,8 +78,8 @@ def _whole(name: str, node: str) -> str:
 
 def _with_kept(given: Values, settings: Settings, revision: str, ros: Ros1Client) -> tuple[Values, list[str]]:
     """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
-    node, keep = settings.node, settings.keep_params
-    space, public = _look(ros, node, revision, [name for name in keep if not name.startswith(PRIVATE)])
+    node, keep = settings.node, [name for name in settings.keep_params if name.startswith(PRIVATE)]
+    space, public = _look(ros, node, revision, [name for name in settings.keep_params if name not in keep])
     source = space.source()
     found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
     merged = merge(given, {**public, **found}, node)

@@ -24,10 +24,9 @@ COMMANDS = {
     "keeper": "_robot.main",
     "exporter": "_exporter.main",
 }
-LONG_LIVED = ("keeper", "exporter")
-# What modules of the standard library load if it is there, and nobody needs: TLS of http.client, OpenSSL of hashlib,
-# and what shutil packs archives with. 5 MB.
-LEFT_OUT = ("ssl", "_hashlib", "bz2", "lzma")
+# Who lives long, and what modules of the standard library load there if they can, and nobody needs: OpenSSL of hashlib,
+# what shutil packs archives with, and TLS of http.client where no Kubernetes API is asked. 5 MB.
+LEFT_OUT = {"keeper": ("_hashlib", "bz2", "lzma"), "exporter": ("ssl", "_hashlib", "bz2", "lzma")}
 COMPILED = "ROSOPS_COMPILED"
 ROOT = "rosops_fleet"
 
@@ -59,10 +58,9 @@ class Flat:
         return spec
 
 
-def leave_out() -> None:
-    """Whoever needs one of them all the same takes it off here first."""
+def leave_out(names: tuple[str, ...]) -> None:
     modules: dict[str, object] = sys.modules  # type: ignore[assignment]
-    modules.update(dict.fromkeys(LEFT_OUT))
+    modules.update(dict.fromkeys(names))
     # http.server takes one function of html, which brings the names of two thousand characters along, 0.6 MB
     modules["html.entities"] = entities = ModuleType("html.entities")
     entities.html5 = {}  # type: ignore[attr-defined]
@@ -80,7 +78,7 @@ def main(words: list[str]) -> int:
         return 2
     # not the real path: a ConfigMap's files are links, and the other files are where they appear
     directory = os.path.dirname(os.path.abspath(words[0]))
-    if words[1] in LONG_LIVED and sys.flags.optimize < 2:
+    if words[1] in LEFT_OUT and sys.flags.optimize < 2:
         begin_anew(words)  # without the texts that explain the standard library, 0.6 MB
     # The mount is read-only, so compiled modules go where the pod may write; a directory per user, as nobody else's is
     # to be trusted.
@@ -89,14 +87,12 @@ def main(words: list[str]) -> int:
     if words[1] == "exporter":
         # its container has no place to write to
         sys.dont_write_bytecode = True
-    if words[1] in LONG_LIVED:
-        leave_out()
+    if words[1] in LEFT_OUT:
+        leave_out(LEFT_OUT[words[1]])
     module = importlib.import_module(f"{ROOT}.{COMMANDS[words[1]]}")
-    if words[1] in LONG_LIVED and Loader.compiled and COMPILED not in os.environ:
+    if words[1] in LEFT_OUT and Loader.compiled and COMPILED not in os.environ:
         # To compile leaves 5 MB of holes in the memory, which a process that finds all compiled has no use for.
         os.environ[COMPILED] = "yes"
-        del sys.modules["ssl"]
-        importlib.import_module("ssl")  # which the keeper loads when it needs it
         begin_anew(words)
     result: int = module.main(words[2:])
     if result < 0:  # it asks for that, as its code has changed

@@ -37,10 +37,6 @@ def path_of(request: bytes) -> str:
     return words[1].decode("ascii", "replace") if len(words) == 3 and words[0] == b"GET" else ""
 
 
-def answer(status: str) -> bytes:
-    return f"HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode()
-
-
 def read_request(connection: socket.socket) -> bytes:
     """As much as there is of it until its head ends."""
     text = b""
@@ -57,7 +53,7 @@ def respond(connection: socket.socket, known: Mapping[str, list[str]], run: Call
     connection.settimeout(PATIENCE)
     words = known.get(path_of(read_request(connection)))
     status = UNKNOWN if words is None else FAILED if run(words) else "200 OK"
-    connection.sendall(answer(status))
+    connection.sendall(f"HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode())
 
 
 def run_hook(words: list[str]) -> int:

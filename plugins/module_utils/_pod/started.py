@@ -9,6 +9,7 @@ Kubernetes stops the old pod once this has passed, so it is what an update's los
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import time
 from dataclasses import dataclass
@@ -20,7 +21,6 @@ from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend
 from .._ros.checks import Check
-from .._ros.client import Ros1Client
 from .._ros.contract import Contract, is_tool
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions, host_of
@@ -30,10 +30,9 @@ from .._ros.roslaunch import Child, children, crash
 from .._ros.silence import Silence
 from .._step.record import record_of
 from .._step.words import CONTRACT
-from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .launch import MANAGER
-from .own_node import is_here, names_here, service_uris, state_of
+from .own_node import is_here, names_here, service_uris
 from .state import Settings, State, load_settings, load_state, ros_of, save_state
 
 HERE = Path(__file__).parent
@@ -44,23 +43,21 @@ MISSED = 2.0  # s without a connection, after which a subscriber is told of its 
 SETTLE = 0.5  # without a contract or a command nothing says what the node is still going to register
 SETTLE_LAUNCH = 3.0  # nodes of a launch file start one after the other
 COMMAND_TIMEOUT = 5.0
+OUTPUT = 4096  # bytes of the command's, of which the last line is told
+PAUSES = (0.001, 0.002, 0.005, 0.01, 0.02)  # s between looks whether it has ended
 
 
 def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
     before = load_state(settings.node)
     ros = ros_of(os.environ)
-    here = partial(names_here, ros, settings)
-    outside = Outside(run_command, here, partial(children, ros), partial(introduce, ros))
+    introduce = Registrar(ros.uri, ros.timeout, ros.caller).introduce
+    outside = Outside(run_command, partial(names_here, ros, settings), partial(children, ros), introduce)
     reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings.node, State(failed=reason))
         sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
-
-
-def introduce(ros: Ros1Client, subscribers: Sequence[Call]) -> None:
-    Registrar(ros.uri, ros.timeout, ros.caller).introduce(subscribers)
 
 
 @dataclass(frozen=True)
@@ -170,7 +167,8 @@ class Starting:
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
             if self.settings.expect_node and all(check.verdict == PASS for check in checks):
-                save_state(own[0].name, state_of(own[0], service_uris(graph.services, own[0].services)))
+                uris = service_uris(graph.services, own[0].services)
+                save_state(own[0].name, State(own[0].uri, own[0].pid, uris))
         return checks
 
     def _own(self, state: MasterState) -> tuple[tuple[str, ...], list[Check]]:
@@ -259,3 +257,63 @@ class Starting:
             seconds = {name: rate_window(hz) for name, hz in hertz.items()}
             checks += check_rates(least, self.ros.rates(alone, seconds))
         return checks
+
+
+# ---- the app's command
+
+
+def run_command(command: list[str], seconds: float) -> str:
+    """Why an app's readiness command did not end with status 0, or nothing if it did.
+
+    Not by subprocess: importing that would cost more than most of these commands.
+    """
+    reader, writer = os.pipe()
+    try:
+        actions = [(os.POSIX_SPAWN_DUP2, writer, 1), (os.POSIX_SPAWN_DUP2, writer, 2)]
+        # there is no AnsibleModule in a pod, whose run_command would be called
+        # pylint: disable-next=ansible-bad-function
+        child = os.posix_spawnp(command[0], command, os.environ, file_actions=actions, setpgroup=0)
+    except OSError as error:
+        os.close(reader)
+        return f"readiness.command cannot be run: {command[0]}: {error.strerror}"
+    finally:
+        os.close(writer)
+    try:
+        os.set_blocking(reader, False)
+        status, output = _wait(child, reader, time.monotonic() + seconds)
+    finally:
+        os.close(reader)
+    if status is None:
+        return f"readiness.command did not end within {seconds:g} s"
+    if status == 0:
+        return ""
+    lines = output.decode("utf-8", "replace").strip().splitlines()
+    how = (
+        f"exited with {os.WEXITSTATUS(status)}"
+        if os.WIFEXITED(status)
+        else f"was ended by signal {os.WTERMSIG(status)}"
+    )
+    return f"readiness.command {how}" + (f": {lines[-1][:200]}" if lines else "")
+
+
+def _wait(child: int, reader: int, end: float) -> tuple[int | None, bytes]:
+    """Its status, None if it had to be killed, and the end of what it wrote."""
+    output, turn = b"", 0
+    while True:
+        done, status = os.waitpid(child, os.WNOHANG)
+        output = (output + _read(reader))[-OUTPUT:]
+        if done:
+            return status, output
+        if time.monotonic() > end:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return None, output
+        time.sleep(PAUSES[min(turn, len(PAUSES) - 1)])
+        turn += 1
+
+
+def _read(reader: int) -> bytes:
+    try:
+        return os.read(reader, 1 << 16)
+    except BlockingIOError:
+        return b""

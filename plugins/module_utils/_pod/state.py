@@ -10,15 +10,15 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, Dict, Mapping, Sequence, TypeVar
+from typing import Any, Mapping, Sequence, TypeVar
 
+from .._common.documents import Data
 from .._ros.client import Ros1Client
 from .._ros.names import resolve
 
 SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
 CALLER = "/rosops_fleet_pod"
 TIMEOUT = 2.0
-Document = Dict[str, Any]  # what a file, or a variable of the environment, says as JSON
 Said = TypeVar("Said")
 
 
@@ -71,7 +71,11 @@ def state_file(node: str) -> str:
 
 def load_state(node: str) -> State:
     """Empty if there was no earlier call, or nothing can be kept here."""
-    return _as(State, _load(state_file(node)))
+    try:
+        with open(state_file(node), encoding="utf-8") as file:
+            return _as(State, _mapping(file.read()))
+    except (OSError, ValueError):
+        return State()
 
 
 def save_state(node: str, state: State) -> None:
@@ -90,21 +94,13 @@ def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> Ros1Client:
     return Ros1Client(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
 
 
-def _as(kind: type[Said], found: Document) -> Said:
+def _as(kind: type[Said], found: Data) -> Said:
     """What it knows of it: the other side may be of a newer collection, or of an older one."""
     known = {one.name for one in fields(kind)}  # type: ignore[arg-type] # typeshed knows no protocol of dataclasses here
     return kind(**{key: value for key, value in found.items() if key in known})
 
 
-def _load(path: str) -> Document:
-    try:
-        with open(path, encoding="utf-8") as file:
-            return _mapping(file.read())
-    except (OSError, ValueError):
-        return {}
-
-
-def _mapping(text: str) -> Document:
+def _mapping(text: str) -> Data:
     try:
         content = json.loads(text)
     except ValueError:

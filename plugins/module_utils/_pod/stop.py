@@ -21,7 +21,7 @@ from .._common.poll import PASS, WAIT, Seen, poll
 from .._ros import keeper_client
 from .._ros.graph import BUSY_STATES, GOAL_STATES, StatusReading
 from .._ros.rpc import in_parallel
-from .own_node import OwnNode, find_node, nodes_here
+from .own_node import OwnNode, own_nodes
 from .state import CALLER, TIMEOUT, load_settings
 
 LEAVING = 3.0  # of the stop's time for the node to end by itself, or a third of it where there is less
@@ -34,10 +34,15 @@ LOG = "/proc/1/fd/1"  # of the container
 Hold = Callable[[str, str, float, float], str]  # action, server, seconds to hold, seconds to answer -> why not
 
 
-def together(tasks: Sequence[Callable[[], Any]], seconds: float) -> list[Any]:
-    """What each of them returned; what went wrong in place of that. Who hangs holds up nobody else."""
-    found = in_parallel(dict(enumerate(tasks)), seconds, lambda _key, error: error)
-    return [found[number] for number in range(len(tasks))]
+def why(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+def together(
+    tasks: Sequence[Callable[[], Any]], seconds: float, failed: Callable[[BaseException], Any] = why
+) -> list[Any]:
+    """What each of them returned, or what `failed` makes of its error. Who hangs holds up nobody else."""
+    return list(in_parallel(dict(enumerate(tasks)), seconds, lambda _key, error: failed(error)).values())
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,7 @@ class Time:
 
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
-    together: Callable[[Sequence[Callable[[], Any]], float], list[Any]] = together
+    together: Callable[..., list[Any]] = together
 
     def left(self, end: float, most: float = TIMEOUT) -> float:
         """Seconds for a call that may last until `end`."""
@@ -85,11 +90,7 @@ def _main() -> list[str]:
     settings = load_settings(os.environ)
     total = float(settings.stop_deadline)
     seconds = min(TIMEOUT, total / FINDING)
-    if settings.expect_node:
-        node, reason = find_node(settings, seconds)
-        nodes = [node] if node else []
-    else:
-        nodes, reason = nodes_here(settings, seconds)
+    nodes, reason = own_nodes(settings, seconds)
     if not nodes:
         return [f"left to SIGTERM: {reason}"]
     hold = keeper_client.KeeperCalls(settings.keeper, CALLER).hold if settings.keeper else None
@@ -107,15 +108,15 @@ def stop(
     try:
         remarks = drain(nodes, hold, ends, clock)
     except Exception as error:  # a node that cannot be drained has to be stopped all the same
-        remarks = [f"not drained: {_why(error)}"]
+        remarks = [f"not drained: {why(error)}"]
     remarks += let_calls_end(nodes, ends, clock)
     remarks += hand_over(nodes, ends, clock)  # last: a goal or a call may latch something
     if not expect_node:
         # roslaunch takes the end of a node for its failure, and starts it again or ends the others: so they only leave
         # the graph, and what still calls them comes to its end, before it gets its signal
         seconds = clock.left(ends.away)
-        left = clock.together([partial(node.unregister, seconds) for node in nodes], seconds)
-        remarks += [f"not unregistered: {error}" for error in left if isinstance(error, BaseException)]
+        left = clock.together([partial(node.unregister, seconds) for node in nodes], seconds, str)
+        remarks += [f"not unregistered: {error}" for error in left if error is not None]
         return list(dict.fromkeys([*remarks, *let_calls_end(nodes, ends, clock)]))
     for node in nodes:
         try:
@@ -139,9 +140,8 @@ def let_calls_end(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str
 
     def probe() -> Seen:
         seconds = clock.left(ends.late)
-        found = clock.together([partial(node.calls, seconds) for node in nodes], seconds)
         # none where neither the kernel nor the node tells: it serves nobody any more
-        calls = sum(one for one in found if isinstance(one, int))
+        calls = sum(clock.together([partial(node.calls, seconds) for node in nodes], seconds, lambda _error: 0))
         return Seen(WAIT if calls else PASS, calls)
 
     ended = poll(probe, max(ends.quiet - clock.now(), 0.0), CALL_TICK, now=clock.now, sleep=clock.sleep)
@@ -151,17 +151,16 @@ def let_calls_end(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str
 def hand_over(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str]:
     """Have the keeper take what they have latched, all at once; why not, of those of which it does not."""
     seconds = clock.left(ends.late)
-    found = clock.together([partial(node.hand_over, seconds) for node in nodes], seconds)
-    words = [_why(one) if isinstance(one, BaseException) else one for one in found]
-    return [f"what {node.name} has latched goes with it: {why}" for node, why in zip(nodes, words) if why]
+    words = clock.together([partial(node.hand_over, seconds) for node in nodes], seconds)
+    return [f"what {node.name} has latched goes with it: {word}" for node, word in zip(nodes, words) if word]
 
 
 def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
     """Wait until no goal is open. New ones are held back where a keeper does that, so that this has an end."""
     seconds = clock.left(ends.quiet)
     served = clock.together([partial(node.actions, seconds) for node in nodes], seconds)
-    remarks = [f"not drained: {_why(names)}" for names in served if isinstance(names, BaseException)]
-    found = [(node, names) for node, names in zip(nodes, served) if not isinstance(names, BaseException)]
+    remarks = [f"not drained: {names}" for names in served if isinstance(names, str)]
+    found = [(node, names) for node, names in zip(nodes, served) if not isinstance(names, str)]
     actions = [(node, action) for node, names in found for action in names]
     if not actions:
         return remarks
@@ -177,16 +176,17 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) 
         seconds = clock.left(ends.late) / 2
         # at every look: the master tells the server of each new client
         cut = clock.together([partial(node.isolate, action, seconds) for node, action in held], seconds)
-        uncut.update({action: _why(error) for (_node, action), error in zip(held, cut) if error is not None})
+        uncut.update({action: word for (_node, action), word in zip(held, cut) if word})
         seconds = clock.left(ends.late)
-        read = clock.together([partial(node.status, action, seconds) for node, action in actions], seconds)
-        open_goals = [word for (_node, action), status in zip(actions, read) for word in busy(action, _reading(status))]
+        tasks = [partial(node.status, action, seconds) for node, action in actions]
+        read = clock.together(tasks, seconds, lambda error: StatusReading(error=why(error)))
+        open_goals = [word for (_node, action), status in zip(actions, read) for word in busy(action, status)]
         return Seen(WAIT if open_goals else PASS, open_goals)
 
     # Twice: a look may begin with a status from before the isolation, and a goal on its way stands in none yet.
     wait = max(ends.quiet - clock.now(), 0.0)
     ended = poll(probe, wait, 0.1, consecutive=2, now=clock.now, sleep=clock.sleep)
-    remarks += [f"clients of {action} were not cut off from it: {why}" for action, why in uncut.items()]
+    remarks += [f"clients of {action} were not cut off from it: {word}" for action, word in uncut.items()]
     if ended.verdict != PASS:
         remarks.append(
             f"stopped with open goals after {ended.elapsed:.0f} s: {', '.join(ended.last) or 'idle once only'}"
@@ -201,15 +201,7 @@ def _hold(actions: Sequence[tuple[OwnNode, str]], hold: Hold | None, ends: Ends,
     left = ends.quiet - clock.now()
     seconds = max(LEAST, min(keeper_client.TIMEOUT, left / 2))
     tasks = [partial(hold, action, node.name, max(left, 0.0) + HOLD, seconds) for node, action in actions]
-    return [_why(one) if isinstance(one, BaseException) else one for one in clock.together(tasks, seconds)]
-
-
-def _reading(status: StatusReading | BaseException) -> StatusReading:
-    return status if isinstance(status, StatusReading) else StatusReading(error=_why(status))
-
-
-def _why(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"
+    return clock.together(tasks, seconds)
 
 
 def busy(action: str, status: StatusReading) -> list[str]:

@@ -1,27 +1,23 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Kubernetes API from inside a pod, as far as the keeper's Role reaches.
-
-TLS costs five megabytes, which the rest of the keeper has no use for: it is loaded with the first request.
-"""
+"""The Kubernetes API from inside a pod, as far as the keeper's Role reaches; a robot's Lease in the keeper's hand."""
 
 from __future__ import annotations
 
 import http.client
-import importlib
 import json
-import sys
+import ssl
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, Iterable, Mapping
+from typing import Callable, Iterable, Mapping
 from urllib.parse import urlencode
 
-from .._common.errors import KubeError
-from .._step.objects import Object, name_of
+from .._common.errors import FleetError, KubeError
+from .._step.objects import Object, lease_with, name_of
 from .._step.record import Record, record_name, record_of
-from .._step.words import FLEET, KEEPER, KEPT, LEASE, MANAGER
+from .._step.words import FLEET, KEEPER, KEPT, LEASE, LEASE_SECONDS, MANAGER
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 OURS = f"app.kubernetes.io/managed-by={MANAGER}"
@@ -56,25 +52,13 @@ def in_cluster(environ: Mapping[str, str], account: str = ACCOUNT) -> Cluster:
     return Cluster(host, int(environ.get("KUBERNETES_SERVICE_PORT") or 443), directory)
 
 
-class _Connection(http.client.HTTPConnection):
-    """HTTPS: http.client's own is not there where it was loaded without TLS."""
-
-    def __init__(self, host: str, port: int, context: Any) -> None:
-        super().__init__(host, port, timeout=SECONDS)
-        self._context = context
-
-    def connect(self) -> None:
-        super().connect()
-        self.sock = self._context.wrap_socket(self.sock, server_hostname=self.host)
-
-
 class Cluster:
     """What the keeper reads and writes; ApiError where that fails. Threads may share it."""
 
     def __init__(self, host: str, port: int, account: Path, now: Callable[[], float] = time.monotonic) -> None:
         self.host, self.port, self.account, self.now = host, port, account, now
         self.home = (account / "namespace").read_text("utf-8").strip()
-        self._link: _Connection | None = None
+        self._link: http.client.HTTPSConnection | None = None
         self._lock = threading.Lock()
         self._robots: tuple[float, list[str]] | None = None
 
@@ -109,12 +93,11 @@ class Cluster:
         there = "resourceVersion" in lease["metadata"]
         path = _path(namespace, "Lease", LEASE if there else "")
         try:
-            written: Object = self._send("PUT" if there else "POST", path, {}, lease, JSON)
+            return self._send("PUT" if there else "POST", path, {}, lease)
         except ApiError as error:
             if error.status == 409:
                 return None
             raise
-        return written
 
     def deployments(self, namespace: str) -> list[Object]:
         return self._list(_path(namespace, "Deployment"), OURS)
@@ -149,7 +132,7 @@ class Cluster:
             "metadata": {"name": name, "namespace": namespace},
             "deleteOptions": {**grace, "preconditions": {"uid": pod["metadata"]["uid"]}},
         }
-        self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body, JSON)
+        self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body)
 
     def tell(self, namespace: str, pod: Object, reason: str, message: str, at: str) -> None:
         """A warning among the pod's Events."""
@@ -167,32 +150,30 @@ class Cluster:
             "count": 1,
             "source": {"component": KEEPER},
         }
-        self._send("POST", _path(namespace, "Event"), {}, body, JSON)
+        self._send("POST", _path(namespace, "Event"), {}, body)
 
     # ---- requests
 
     def _get(self, path: str, query: Mapping[str, str]) -> Object | None:
         try:
-            found: Object = self._send("GET", path, query)
+            return self._send("GET", path, query)
         except ApiError as error:
             if error.status == 404:
                 return None
             raise
-        return found
 
     def _list(self, path: str, labels: str) -> list[Object]:
-        found: list[Object] = self._send("GET", path, {"labelSelector": labels}).get("items") or []
-        return found
+        return list(self._send("GET", path, {"labelSelector": labels}).get("items") or [])
 
     def _send(
-        self, method: str, path: str, query: Mapping[str, str], body: Object | None = None, content: str = ""
-    ) -> Any:
+        self, method: str, path: str, query: Mapping[str, str], body: Object | None = None, content: str = JSON
+    ) -> Object:
         target = f"{path}?{urlencode(query)}" if query else path
         data = None if body is None else json.dumps(body).encode()
         with self._lock:
             status, answer = self._exchange(method, target, data, content)
         try:
-            found = json.loads(answer)
+            found: Object = json.loads(answer)
             message = "" if status < 300 else str(found.get("message", ""))
         except (AttributeError, ValueError):
             raise ApiError(f"the Kubernetes API at {self.host} answered {status} and no JSON for {path}") from None
@@ -206,7 +187,7 @@ class Cluster:
         try:
             link = self._link = self._link or self._connection()
             headers = {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {self._token()}"}
-            link.request(method, target, data, {**headers, **({"Content-Type": content} if content else {})})
+            link.request(method, target, data, {**headers, **({"Content-Type": content} if data else {})})
             answer = link.getresponse()
             return answer.status, answer.read()
         except (OSError, http.client.HTTPException, ValueError) as error:
@@ -218,14 +199,10 @@ class Cluster:
             what = str(error) or type(error).__name__
             raise ApiError(f"the Kubernetes API at {self.host} cannot be reached: {what}") from error
 
-    def _connection(self) -> _Connection:
-        modules: Any = sys.modules
-        if modules.get("ssl", self) is None:  # run.py keeps it out until somebody needs it
-            del modules["ssl"]
-        ssl = importlib.import_module("ssl")
+    def _connection(self) -> http.client.HTTPSConnection:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         context.load_verify_locations(str(self.account / "ca.crt"))
-        return _Connection(self.host, self.port, context)
+        return http.client.HTTPSConnection(self.host, self.port, timeout=SECONDS, context=context)
 
     def _token(self) -> str:
         """Read anew each time: the kubelet renews it."""
@@ -234,6 +211,30 @@ class Cluster:
 
 def _path(namespace: str, kind: str, name: str = "") -> str:
     return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{name}" if name else "")
+
+
+class LostError(FleetError):
+    """Somebody else has the Lease."""
+
+
+class Claim:
+    """The Lease while the keeper changes something: the API refuses a write if somebody else made one since."""
+
+    def __init__(self, cluster: Cluster, namespace: str, found: Object | None, at: Callable[[], str]) -> None:
+        self.cluster, self.namespace, self.at = cluster, namespace, at
+        self.found: Object = found or {"metadata": {"name": LEASE, "namespace": namespace}}
+
+    def renew(self) -> None:
+        """Before whatever is done next; LostError where it is another one's now."""
+        if not self.write(KEEPER):
+            raise LostError("somebody else changes it now")
+
+    def write(self, holder: str = "") -> bool:
+        """With this holder, or nobody, to let it go; False: it was another one's, and stays so."""
+        body = lease_with(holder, self.found, KEEPER, LEASE_SECONDS, self.at())
+        written = self.cluster.write_lease(self.namespace, body)
+        self.found = written or self.found
+        return written is not None
 
 
 def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[str, Record]:

@@ -9,6 +9,8 @@ what nobody else knows.
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import threading
 import time
 from typing import Any, Callable, Iterable, Mapping
@@ -19,8 +21,7 @@ from .._ros.graph import MasterState
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
 from . import memory
-from .hung import Silence
-from .kept_files import KeptFiles
+from .memory import KeptFiles, Silence
 
 LOOK = 1.0  # seconds between looks at the master,
 AWAY = 0.2  # while it does not answer,
@@ -34,6 +35,8 @@ PARAMETERS, CHANGED = 60.0, 2.0  # seconds between two reads of all parameters; 
 ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is asked again, the others do not wait for it
 PROBE = 5.0  # an address that is no more: its host finds that out by three ARP requests, one second each
 TOGETHER = 3  # names in a line of the log
+AT_ONCE = 0.5  # seconds for a connection, which takes milliseconds: one that waits has lost the master meanwhile
+LEAST = 1.0  # seconds between connections: one that hangs up at once would be connected to all the time
 
 
 class Keeper:
@@ -184,11 +187,9 @@ class Keeper:
 
     def _mend(self, now: float) -> None:
         """What the master lost without a restart, such as a service whose last provider left while an earlier lives."""
-        need = self.memory.lost(self.present, now)
-        if need:
-            calls = self._restore(need)
-            if calls:
-                self.log(f"restored {in_words(calls)}")
+        calls = self._restore(self.memory.lost(self.present, now))
+        if calls:
+            self.log(f"restored {in_words(calls)}")
 
     def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
         if not need:
@@ -229,7 +230,7 @@ class Keeper:
         registered = self.ros.snapshot().get(node)
         if registered is None or registered.uri != entry.uri:
             return  # a newer process has the name
-        plan = registrations.remove({node: registered}, [{node: replaced(answer)}])
+        plan = registrations.remove({node: registered}, [{node: Liveness(registrations.DEAD)}])
         self.ros.apply(plan.calls)
         self.memory.bury(node, now)
         self.state = None
@@ -270,13 +271,50 @@ def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:
     return tuple(None if isinstance(part, RosError) else part for part in parts)
 
 
-def replaced(answer: Liveness) -> Liveness:
-    """The answer of somebody else at a node's address, as what it means for the node."""
-    return answer if answer.verdict == registrations.DEAD else Liveness(registrations.DEAD, answer.reason)
-
-
 def in_words(calls: Iterable[Call]) -> str:
     """Registrations in words, the first few."""
     words = [f"{call.node} {call.kind} {call.name}" for call in calls]
     more = f" and {len(words) - TOGETHER} more" if len(words) > TOGETHER else ""
     return (", ".join(words[:TOGETHER]) or "nothing") + more
+
+
+class Lifeline:
+    """A connection to the master over which nothing is said: its end, with the master's process, is noticed at once.
+
+    So the keeper need not ask once a second whether the master is still the same. A master that hangs up on whoever
+    says nothing (`roscore -t 2`: after two seconds) is connected to again: where that fails, it has ended. A host that
+    loses its power closes no connection; whoever holds this still has to look now and then. `wake` is called, in a
+    thread of its own, when the master has ended.
+    """
+
+    def __init__(self, address: tuple[str, int], wake: Callable[[], None]) -> None:
+        self.address, self.wake = address, wake
+        self.stands = False
+        self._thread: threading.Thread | None = None
+
+    def hold(self) -> bool:
+        """Whether it stands now; where not, it is begun anew beside the caller."""
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+        return self.stands
+
+    def _run(self) -> None:
+        try:
+            while True:
+                time.sleep(self._connection())
+        except OSError:
+            if self.stands:
+                self.wake()
+        finally:
+            self.stands = False
+
+    def _connection(self) -> float:
+        """One, until it ends; seconds to wait for another one. OSError: there was none."""
+        with socket.create_connection(self.address, AT_ONCE) as sock:
+            began = time.monotonic()
+            sock.settimeout(None)
+            self.stands = True
+            with contextlib.suppress(OSError):
+                sock.recv(1)
+        return max(0.0, LEAST - (time.monotonic() - began))

@@ -12,7 +12,7 @@ good. Whoever had the message from the node itself does not get it again: a goal
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
 from .._ros.contract import ACTION_TOPICS
@@ -103,10 +103,6 @@ class Value:
         known = self.had.get(subscriber)
         return known is None or bool(known and uri and known != uri)
 
-    def as_dict(self) -> dict[str, object]:
-        found = asdict(self)
-        return {name: found[name] for name in _KEPT}
-
 
 _KEPT = ("topic", "node", "uri", "header", "file", "size", "had", "beside")
 
@@ -122,4 +118,4 @@ def from_kept(data: Any) -> list[Value]:
 
 def as_kept(values: Iterable[Value], boot: str) -> dict[str, object]:
     """`boot` of the host, after which they are worth nothing: nodes that it starts know of no event either."""
-    return {"boot": boot, "values": [value.as_dict() for value in values]}
+    return {"boot": boot, "values": [{name: getattr(value, name) for name in _KEPT} for value in values]}

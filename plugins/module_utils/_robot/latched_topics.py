@@ -9,6 +9,7 @@ Messages lie in files beside the keeper's kept ones. Nothing is asked, and no th
 from __future__ import annotations
 
 import contextlib
+import os
 import selectors
 import socket
 import threading
@@ -24,8 +25,8 @@ from .._ros.raw_node import SEND_SECONDS, Publication, Slave
 from .._ros.registrar import Registrar
 from .._ros.replies import connections, topic_types
 from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
-from .kept_files import KeptFiles
 from .latched import DROP, OFFER, Value, as_kept, from_kept, worth_keeping
+from .memory import KeptFiles
 
 PART = "latched"  # of the kept files
 MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; their volume has 64 MiB
@@ -55,7 +56,7 @@ class LatchedTopics:
         self.deaf: dict[tuple[str, str], float] = {}  # who could not be listened to, and when
         self.offered: set[str] = set()
         self.over: set[str] = set()  # no more, but the master was not told yet
-        self.reserved = self.number = 0
+        self.reserved = 0
         self.dirty = False
         self.thread: threading.Thread | None = None
         self.lock = threading.RLock()
@@ -71,7 +72,6 @@ class LatchedTopics:
                 self.values[value.key] = value
             else:
                 file.unlink()
-        self.number = max([int(value.file) for value in self.values.values()], default=0)
         self.over = {value.topic for value in known} - {topic for topic, _node in self.values}
         if self.values:
             self.log(f"still keeps what was latched on {', '.join(sorted(topic for topic, _node in self.values))}")
@@ -109,9 +109,7 @@ class LatchedTopics:
             return {}, []
         self.directory.mkdir(exist_ok=True)
         reserved: list[int] = []
-        with self.lock:
-            files = {topic: self.directory / str(self.number + at) for at, topic in enumerate(topics, 1)}
-            self.number += len(topics)
+        files = {topic: self.directory / os.urandom(8).hex() for topic in topics}
         tasks: dict[Any, Callable[[], Any]] = {
             topic: partial(take, topic, uri, self.caller, file, partial(self._reserve, reserved), seconds)
             for topic, file in files.items()

@@ -21,12 +21,11 @@ from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import KEEPER_PORT
 from .cluster_api import ACCOUNT, Cluster, in_cluster
-from .forwarding.calls import GoalForwarding, SwitchedOff, offer
-from .keeper import Keeper
-from .kept_files import KeptFiles
+from .goal_forwarding import SWITCHED_OFF, GoalForwarding
+from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
-from .lifeline import Lifeline
-from .staying import Staying
+from .memory import KeptFiles
+from .open_goals import Staying
 from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
@@ -57,36 +56,18 @@ def options(words: list[str]) -> dict[str, str]:
     return found
 
 
-def found_cluster(account: str) -> Cluster | None:
-    """The cluster around us; without one the keeper does all the rest."""
-    try:
-        return in_cluster(os.environ, account)
-    except KubeError as error:
-        tell(f"no step of an update is taken back from here: {error}")
-        return None
-
-
 def told_to_end(seconds: float) -> bool:
     """Wait, unless woken; whether the end has come."""
     came = signal.sigtimedwait((*ENDING, WAKING), seconds)
     return came is not None and came.si_signo != WAKING
 
 
-class Code:
-    """The files that this process was begun from. The kubelet brings others by changing one link beside them."""
-
-    def __init__(self, script: str) -> None:
-        self.link = f"{script.rpartition('/')[0]}/..data"
-        self.begun = self._now()
-
-    def _now(self) -> str:
-        try:
-            return os.readlink(self.link)
-        except OSError:  # by hand, without a ConfigMap
-            return ""
-
-    def changed(self) -> bool:
-        return self._now() != self.begun
+def code_of(script: str) -> str:
+    """What tells the files beside the script from others: the kubelet brings those by changing one link there."""
+    try:
+        return os.readlink(f"{script.rpartition('/')[0]}/..data")
+    except OSError:  # by hand, without a ConfigMap
+        return ""
 
 
 def main(words: list[str]) -> int:
@@ -94,7 +75,7 @@ def main(words: list[str]) -> int:
     # thread starts, because it inherits what is blocked.
     signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
     threading.stack_size(STACK)
-    chosen, code = options(words), Code(sys.argv[0])
+    chosen, code = options(words), code_of(sys.argv[0])
     kept = KeptFiles(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
@@ -103,26 +84,31 @@ def main(words: list[str]) -> int:
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.ready_when(lambda: keeper.complete)
     slave.register({"paramUpdate": keeper.parameter_changed})
-    cluster = found_cluster(chosen["--account"])
-    calls: GoalForwarding | SwitchedOff = SwitchedOff()
+    cluster: Cluster | None = None
+    try:
+        cluster = in_cluster(os.environ, chosen["--account"])
+    except KubeError as error:  # the keeper does all the rest without
+        tell(f"no step of an update is taken back from here: {error}")
+    calls = SWITCHED_OFF  # what an earlier one held, with another option, is over
     if chosen["--goal-forwarding"] == "on":
         stays = Staying(cluster) if cluster else lambda _action, _server: True
-        calls = GoalForwarding(ros, slave, lambda content: kept.save("goals", content), tell, stays)
-    offer(calls, slave)
-    calls.resume(kept.load("goals") or [])
+        forwarding = GoalForwarding(ros, slave, lambda content: kept.save("goals", content), tell, stays)
+        forwarding.resume(kept.load("goals") or [])
+        calls = forwarding.calls
+    slave.register(calls)
     latched = LatchedTopics(ros, slave, kept, tell)
     latched.resume()
     slave.register({"keep_latched": latched.keep})
     slave.start()
     watch = None
     if cluster:
-        robot = Robot(calls.hold, calls.release, keeper.take_back, lambda: keeper.silence)
+        robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence)
         watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, kept, tell)
         threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while not told_to_end(pause):
-        if code.changed() and not calls.state()[2] and (watch is None or watch.rests()):
+        if code_of(sys.argv[0]) != code and not calls["state"]()[2] and (watch is None or watch.rests()):
             tell("its code has changed: it begins anew")
             return ANEW
         try:

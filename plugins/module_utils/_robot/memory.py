@@ -1,23 +1,24 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper knows of one ROS graph and its parameters, and what follows from each look. Pure: time is told to it,
-by a clock that nobody sets.
+"""What the keeper knows of one ROS graph and its parameters, what follows from each look, and where it is kept.
 
-It brings back a registration only if its node lives and has it by its own word, and takes one away only of a node that
-is gone for certain; see `registrations`.
+Pure but for the files: time is told to it, by a clock that nobody sets. It brings back a registration only if its node
+lives and has it by its own word, and takes one away only of a node that is gone for certain; see `registrations`.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import xmlrpc.client
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
 from .._ros.bodies import loads
 from .._ros.registrations import Entry, Liveness, Plan
-from .hung import Silence
 
 AGAIN = 5.0  # seconds between two looks at a node, at least
 PERIOD = 10.0  # seconds between looks at a node that answered
@@ -25,6 +26,14 @@ MEMORY = 86400.0  # seconds that a removed node is remembered
 REMEMBERED = 200
 # The master's own: roscore sets them anew, and they name the run.
 OWN = frozenset({"run_id", "rosversion", "rosdistro"})
+
+
+@dataclass(frozen=True)
+class Silence:
+    """What became of the last questions: node -> its address and for how many seconds it has not answered."""
+
+    silent: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    answering: frozenset[str] = frozenset()  # addresses (URIs) of nodes that answered
 
 
 @dataclass
@@ -210,6 +219,28 @@ def from_dict(data: Any, now: float) -> Memory:
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         return Memory()
+
+
+class KeptFiles:
+    """A directory with one JSON file per part, written whole or not at all; None: it is not there, or is damaged."""
+
+    def __init__(self, directory: str) -> None:
+        self.directory = Path(directory)
+        self.directory.mkdir(parents=True, exist_ok=True)
+
+    def load(self, part: str) -> Any:
+        try:
+            return json.loads((self.directory / f"{part}.json").read_text("utf-8"))
+        except (OSError, ValueError):
+            return None
+
+    def save(self, part: str, content: Any) -> None:
+        fresh = self.directory / f".{part}.new"
+        with fresh.open("w", encoding="utf-8") as file:
+            json.dump(content, file, separators=(",", ":"))
+            file.flush()
+            os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
+        fresh.replace(self.directory / f"{part}.json")
 
 
 # ---- parameters

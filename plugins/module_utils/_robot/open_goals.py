@@ -1,19 +1,24 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The goals that a step's new nodes work on: they would go with them."""
+"""The goals that a step's new nodes work on: they would go with them. And whether such a node is to get any."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Callable, Mapping, Sequence
 
-from .._common.errors import RosError
+from .._common.errors import KubeError, RosError
 from .._ros.backend import Backend
 from .._ros.graph import BUSY_STATES, GOAL_STATES, Graph, MasterState, Questions
-from .._step.objects import Object, annotations_of, has_node, node_of
+from .._step.objects import Object, annotations_of, has_node, name_of, node_of, rolled_out
+from .._step.record import PROVEN, mark_of
 from .._step.words import MASTER, NODE
-from .way_back import Step
+from .cluster_api import Cluster, read_records
+from .way_back import Step, member_of
+
+PATIENCE = 10.0  # seconds for an API that does not answer
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,10 @@ class Goals:
     busy: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
     servers: Mapping[str, str] | None = None  # action -> its server, where that is the new node alone
+
+    def waiting(self, patient: bool) -> str:
+        """What is waited for, in words; where one is not `patient`, not for what cannot be read."""
+        return ", ".join([*self.busy, *(self.unknown if patient else ())])
 
 
 def open_goals(ros: Backend, step: Step) -> Goals:
@@ -93,3 +102,49 @@ def _at(ros: Backend, state: MasterState, servers: Mapping[str, tuple[str, ...]]
     every = {name for found in servers.values() for name in found}
     asked = ros.ask(state, Questions({name: frozenset() for name in every})) if pods and every else Graph()
     return {node.name for node in asked.nodes.values() if any(has_node(pod, node.name, node.uri) for pod in pods)}
+
+
+class Staying:
+    """Whether the server of an action is the one that will stay: its version is proven, or got ready.
+
+    Where nobody can say so, nobody can take it back either.
+    """
+
+    def __init__(self, cluster: Cluster, now: Callable[[], float] = time.monotonic) -> None:
+        self.cluster, self.now = cluster, now
+        self.of: dict[tuple[str, str], tuple[str, str]] = {}  # action and node -> the Deployment
+        self.silent: float | None = None  # since when the API does not answer
+
+    def __call__(self, action: str, node: str) -> bool:
+        try:
+            found = self._may_go_back(action, node)
+            self.silent = None
+        except KubeError:
+            self.silent = self.now() if self.silent is None else self.silent
+            return self.now() - self.silent >= PATIENCE
+        return not found
+
+    def _may_go_back(self, action: str, node: str) -> bool:
+        found = self.of.get((action, node)) or self._find(action, node)
+        if found is None:
+            return False
+        self.of[action, node] = found
+        deployment = self.cluster.deployment(*found)
+        if deployment is None or mark_of(deployment) is None or rolled_out(deployment):
+            return False
+        records = read_records(self.cluster, found[0], [found[1]])
+        return member_of(deployment, records).state != PROVEN
+
+    def _find(self, action: str, node: str) -> tuple[str, str] | None:
+        """The Deployment of that node; a launch file's is the unproven one that served the action before."""
+        for namespace in self.cluster.namespaces():
+            there = self.cluster.deployments(namespace)
+            for item in there:
+                if node_of(item) == node:
+                    return namespace, name_of(item)
+            for item in there:
+                if mark_of(item) is not None:
+                    records = read_records(self.cluster, namespace, [name_of(item)])
+                    if action in member_of(item, records).actions:
+                        return namespace, name_of(item)
+        return None

@@ -18,7 +18,6 @@ from typing import Mapping, Sequence
 from .._common.documents import Data
 from .._ros import contract as ros_contract
 from .._ros.backend import Backend
-from .._ros.checks import Check
 from .._ros.conditions import conditions_from
 from .._ros.gate import Look, look
 from .._ros.silence import Silence
@@ -40,7 +39,7 @@ class Soaking:
     bad: int = 0  # looks that found it so, one after the other
     counted: bool = False  # messages were, when they were asked for last, and there were enough
     with_host: dict[str, int] = field(default_factory=dict)  # container -> its ends, when the last one was its host's
-    why: str = ""
+    why: str = ""  # it goes back; empty: it does not
 
     @property
     def counts_messages(self) -> bool:
@@ -79,7 +78,7 @@ class Soak:
 
     def bad(self, step: Step) -> str:
         """Why it goes back; empty: it does not."""
-        return self.steps[step.key].why if step.key in self.steps else ""
+        return self.steps.get(step.key, Soaking()).why
 
     def good(self, step: Step) -> bool:
         """Whether it is proven by now."""
@@ -111,7 +110,8 @@ def ended(step: Step, with_host: Mapping[str, int]) -> str:
         code, ends = next(filter(None, map(_fault, member.pods)), ""), ends_by_container(member.pods)
         times = sum(ends.values()) - max(member.record.ends, sum(with_host.get(one, 0) for one in ends))
         if times > 0 and (code or times > 1):  # somebody may have ended it once
-            return f"{member.name} ended {_times(times)}{f' with exit code {code}' if code else ''}"
+            often = "once" if times == 1 else f"{times} times"
+            return f"{member.name} ended {often}{f' with exit code {code}' if code else ''}"
         if any(map(crashes, member.pods)):
             return f"{member.name} crashes again and again"
     return ""
@@ -121,20 +121,12 @@ def _fault(pod: Object) -> str:
     return error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "")
 
 
-def _times(number: int) -> str:
-    return "once" if number == 1 else f"{number} times"
-
-
 def worse(seen: Look) -> str | None:
     """What of the graph is not as it was, in words; None: it cannot be seen."""
     # a peer that does not answer says nothing of this version
     unmet = [check for check in seen.unmet if not check.observed.get("silent")]
-    own = [check for check in unmet if check.kind == "node"]
-    if any(check.kind == "master" for check in unmet) or any(_is_silent(check) for check in own):
+    # registered, and no answer, neither a refusal: its host may be away
+    silent = [one for one in unmet if one.kind == "node" and one.observed and not one.observed.get("refused")]
+    if silent or any(check.kind == "master" for check in unmet):
         return None
     return "; ".join(map(str, unmet))
-
-
-def _is_silent(check: Check) -> bool:
-    """Registered, and no answer, neither a refusal: its host may be away."""
-    return bool(check.observed) and not check.observed.get("refused")

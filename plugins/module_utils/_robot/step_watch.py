@@ -18,17 +18,14 @@ from typing import Any, Callable, Collection, Iterable, Mapping
 from .._common.errors import FleetError, RosError
 from .._ros.backend import Backend
 from .._step import update_record
-from .._step.lease import version_of
-from .._step.objects import Object, name_of, node_of, rolled_out
+from .._step.objects import Object, name_of, node_of, rolled_out, version_of
 from .._step.record import mark_of, record_name, record_of, soaks
 from .._step.words import FLEET, SOAKING, UPDATING
-from .claim import Claim, LostError
-from .cluster_api import ApiError, Cluster, read_records
-from .hung import Hung, Silence
-from .kept_files import KeptFiles
+from .cluster_api import ApiError, Claim, Cluster, LostError, read_records
+from .memory import KeptFiles, Silence
 from .open_goals import Goals, open_goals
 from .soak import Soak
-from .watchdog import Watchdog, left
+from .watchdog import Hung, Watchdog
 from .way_back import Observed, Step, member_of, restored, steps_of
 
 LOOK = 10.0  # seconds between two looks
@@ -62,10 +59,6 @@ class Due:
     patient: bool = True
     still: Callable[[Step], bool] = lambda _step: True
 
-    def waits(self, goals: Goals) -> str:
-        """What keeps it from going back."""
-        return ", ".join([*goals.busy, *(goals.unknown if self.patient else ())])
-
 
 class StepWatch:
     """Looks at all namespaces, and longer where something is due."""
@@ -84,7 +77,7 @@ class StepWatch:
         self.cluster, self.ros, self.robot, self.kept, self.log = cluster, ros, robot, kept, log
         self.watchdog = Watchdog(cluster, ros, robot.silence, now)
         self.now, self.wall, self.sleep = now, wall, sleep
-        self.came_up = _texts(kept.load(STEPS))
+        self.came_up: Mapping[str, list[str]] = kept.load(STEPS) or {}
         self.observed: dict[str, Observed] = {}
         self.soaks: dict[str, Soak] = {}
         self.said: dict[str, str] = {}
@@ -92,20 +85,19 @@ class StepWatch:
     def run(self) -> None:
         while True:
             try:
-                pause = self.look()
+                self.look()
             except Exception as error:  # whatever one look brings, the next one may be better
                 self.log(f"error: {type(error).__name__}: {error}")
-                pause = LOOK
-            self.sleep(pause)
+            self.sleep(LOOK)
 
-    def look(self) -> float:
-        """At all namespaces; seconds until the next look. An API that is away is looked for again later."""
+    def look(self) -> None:
+        """At all namespaces. An API that is away is looked for again later."""
         try:
             leases = self.cluster.leases()
             self._tell(CLUSTER, "")
         except FleetError as error:
             self._away(CLUSTER, error)
-            return LOOK
+            return
         began = self.now()
         known = {name: self.observed.get(name) or Observed(self.came_up.get(name, ())) for name in leases}
         self.observed = known
@@ -122,7 +114,6 @@ class StepWatch:
                 # what answers with a refusal is not away: a robot that may not be read keeps nobody from the others
                 seen.away()
                 self._tell(namespace, str(error))
-        return LOOK
 
     def _away(self, where: str, error: FleetError) -> None:
         for seen in self.observed.values():
@@ -160,9 +151,8 @@ class StepWatch:
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
         soaking = self._soak(namespace, seen, there)
-        if seen.recorded != seen.version and self._record(namespace, there):
-            seen.recorded = seen.version
-        seen.nothing = None if steps or soaking or seen.recorded != seen.version else seen.version
+        recorded = self._record(namespace, there)
+        seen.nothing = seen.version if recorded and not (steps or soaking) else None
 
     def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
         """Those whose Deployments are marked; with SOAKING those that soak."""
@@ -230,7 +220,7 @@ class StepWatch:
             if waiting:
                 self._tell(about, waiting)
                 continue
-            self._with_lease(namespace, seen, about, left(one, "{}"), partial(self._begin_anew, one))
+            self._with_lease(namespace, seen, about, one.left("{}"), partial(self._begin_anew, one))
             return
 
     def _begin_anew(self, one: Hung, claim: Claim) -> None:
@@ -249,14 +239,14 @@ class StepWatch:
         except LostError as error:
             self._tell(about, lost.format(error))
         finally:
-            claim.release()
+            claim.write()
 
     # ---- the way back
 
     def _due(self, namespace: str, seen: Observed, due: Due) -> None:
         step = due.step
         about = f"{namespace}/{step.name}"
-        waiting = due.waits(open_goals(self.ros, step))
+        waiting = open_goals(self.ros, step).waiting(due.patient)
         if waiting:
             self._tell(about, f"is taken back when it rests: {waiting}")
             return
@@ -275,7 +265,7 @@ class StepWatch:
         held = self._hold(claim, open_goals(self.ros, step))
         self.sleep(AGAIN)
         claim.renew()
-        if due.waits(open_goals(self.ros, step)):
+        if open_goals(self.ros, step).waiting(due.patient):
             for action in held:
                 self.robot.release(action)
             return
@@ -287,7 +277,7 @@ class StepWatch:
             self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
-                other.recorded = other.nothing = None
+                other.nothing = None
 
     def _hold(self, claim: Claim, goals: Goals) -> list[str]:
         """Goals that come now are for the old server."""
@@ -311,9 +301,3 @@ class StepWatch:
         seconds = self.wall()
         whole = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
         return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
-
-
-def _texts(saved: Any) -> Mapping[str, list[str]]:
-    """A kept file that is namespace -> texts; what is something else is left out."""
-    found = saved if isinstance(saved, dict) else {}
-    return {space: list(map(str, keys)) for space, keys in found.items() if isinstance(keys, list)}

@@ -1,28 +1,79 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The keeper begins a pod anew whose node hangs: not during a goal, not while somebody takes a step, not for ever.
+"""A pod is begun anew of which a ROS node hangs: not during a goal, not while somebody takes a step, not for ever.
 
-The keeper asks all nodes anyway, whether they live. So this costs nothing while they answer.
+A node hangs when its process does not answer the slave API's `getPid` for so long, while its address refuses nothing.
+A host or a network that is away looks the same from here. So a node counts only while another one of its host answers,
+which for a robot's own master is always so: the keeper itself is on that host, and asks all nodes anyway.
 """
 
 from __future__ import annotations
 
 import time
-from typing import Callable
+from dataclasses import dataclass
+from typing import Callable, Iterable
 
 from .._common.errors import RosError
 from .._ros.backend import Backend
-from .._ros.graph import Questions
-from .._step.objects import name_of
-from .._step.words import LIVENESS_LEAST
+from .._ros.graph import Questions, host_of
+from .._step.objects import Object, annotations_of, app_of, has_node, is_ready, name_of
+from .._step.words import KEEPER, LIVENESS, LIVENESS_LEAST, LIVENESS_TIMEOUT, MASTER
 from .cluster_api import ApiError, Cluster
-from .hung import AT_MOST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
+from .memory import Silence
 from .open_goals import Goals, open_goals_at
 
+AT_MOST, WITHIN = 3, 3600.0  # restarts of an app, in so many seconds: more of them help nobody
+UNREADABLE = 5  # times the timeout: after that, goals of a node that cannot be read keep nobody waiting
 GRACE = 10  # s for a pod that works on nothing: its node will not end by itself
 REASON = "NodeHung"
 TOO_MANY = 429  # the API's answer where a PodDisruptionBudget forbids it
+
+
+@dataclass(frozen=True)
+class Hung:
+    """A pod, and its node that is silent longest."""
+
+    pod: Object
+    node: str
+    seconds: float
+    timeout: float
+
+    @property
+    def app(self) -> str:
+        return app_of(self.pod)
+
+    def left(self, why: object) -> str:
+        return f"node {self.node} does not answer, and its pod is left as it is: {why}"
+
+    def works(self, goals: Goals) -> str:
+        """The goals that the pod is left for, if there are any."""
+        found = goals.waiting(patient=self.seconds < UNREADABLE * self.timeout)
+        return self.left(found) if found else ""
+
+
+def hung_pods(pods: Iterable[Object], silence: Silence) -> list[Hung]:
+    """The longest silent one first. Only apps' pods that the API has for ready, so their host is there."""
+    there = [(pod, pod.get("status") or {}) for pod in pods]
+    awake = {host_of(uri) for uri in silence.answering}
+    hosts = {status.get("hostIP") for pod, status in there if status.get("podIP") in awake or app_of(pod) == KEEPER}
+    found = []
+    for pod, status in there:
+        timeout = _timeout(pod)
+        silent = [(seconds, node) for node, (uri, seconds) in silence.silent.items() if has_node(pod, node, uri)]
+        seconds, node = max(silent, default=(0.0, ""))
+        is_up = is_ready(pod) and app_of(pod) not in ("", MASTER, KEEPER)
+        if node and 0 < timeout <= seconds and is_up and status.get("hostIP") in hosts:
+            found.append(Hung(pod, node, seconds, timeout))
+    return sorted(found, key=lambda one: -one.seconds)
+
+
+def _timeout(pod: Object) -> float:
+    """Seconds; 0: never."""
+    try:
+        return float(annotations_of(pod).get(LIVENESS, LIVENESS_TIMEOUT))
+    except ValueError:  # by hand
+        return 0.0
 
 
 class Watchdog:
@@ -33,24 +84,24 @@ class Watchdog:
     ) -> None:
         """`silence` is what the keeper knows of all nodes of its graph."""
         self.cluster, self.ros, self.silence, self.now = cluster, ros, silence, now
-        self.elsewhere: dict[str, set[str]] = {}  # namespace -> addresses of silent nodes that are in none of its pods
+        self.elsewhere: dict[str, set[str]] = {}  # namespace -> addresses of silent nodes in none of its pods: laptops'
         self.restarts: dict[str, list[float]] = {}  # namespace/app -> when
 
     def hung(self, namespace: str) -> list[Hung]:
         """The pods here that a node hangs in. No request where all answer but those that are in no pod here."""
-        silence, others = self.silence(), self.elsewhere.setdefault(namespace, set())
+        silence, others = self.silence(), self.elsewhere.get(namespace, set())
         if all(seconds < LIVENESS_LEAST or uri in others for uri, seconds in silence.silent.values()):
             return []
-        pods = self.cluster.pods(namespace)
-        self.elsewhere[namespace] = in_no_pod(pods, silence)
+        pods, silent = self.cluster.pods(namespace), silence.silent.items()
+        in_pods = {uri for node, (uri, _seconds) in silent if any(has_node(pod, node, uri) for pod in pods)}
+        self.elsewhere[namespace] = {uri for _node, (uri, _seconds) in silent} - in_pods
         return hung_pods(pods, silence)
 
     def waits(self, namespace: str, one: Hung) -> str:
         """Why the pod is left as it is, in whole words; nothing where it is to be begun anew."""
-        done = self._done(f"{namespace}/{one.app}")
-        if len(done) >= AT_MOST:
-            return left(one, f"it was begun anew {AT_MOST} times within {WITHIN / 60:.0f} min")
-        return _works(one, open_goals_at(self.ros, one.pod))
+        if len(self._done(f"{namespace}/{one.app}")) >= AT_MOST:
+            return one.left(f"it was begun anew {AT_MOST} times within {WITHIN / 60:.0f} min")
+        return one.works(open_goals_at(self.ros, one.pod))
 
     def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
         """Evict it; what was done, or why it could not be. An Event of the pod says so, too.
@@ -59,7 +110,7 @@ class Watchdog:
         So does an answer of the node.
         """
         goals = open_goals_at(self.ros, one.pod)
-        waiting = _works(one, goals) or self._answers(one)
+        waiting = one.works(goals) or self._answers(one)
         if waiting:
             return waiting
         at_work = goals.servers and not goals.unknown  # a goal may begin now: its stop hook lets it end
@@ -89,14 +140,3 @@ class Watchdog:
         lately = [at for at in self.restarts.get(about, ()) if self.now() - at < WITHIN]
         self.restarts[about] = lately
         return lately
-
-
-def left(one: Hung, why: object) -> str:
-    return f"node {one.node} does not answer, and its pod is left as it is: {why}"
-
-
-def _works(one: Hung, goals: Goals) -> str:
-    """The goals that the pod is left for, if there are any."""
-    patient = one.seconds < UNREADABLE * one.timeout
-    found = [*goals.busy, *(goals.unknown if patient else ())]
-    return left(one, ", ".join(found)) if found else ""

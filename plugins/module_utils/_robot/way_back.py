@@ -21,7 +21,6 @@ import json
 from dataclasses import dataclass
 from typing import Iterable, Mapping, Sequence
 
-from .._step.lease import holder_of, version_of
 from .._step.objects import (
     Object,
     annotations_of,
@@ -29,6 +28,7 @@ from .._step.objects import (
     crashes,
     error_of,
     hash_of,
+    holder_of,
     is_in,
     name_of,
     node_of,
@@ -36,6 +36,7 @@ from .._step.objects import (
     revision_of_pod,
     rolled_out,
     suffix_of,
+    version_of,
 )
 from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
 from .._step.update_record import by_run, went_back
@@ -191,8 +192,8 @@ class Observed:
         """`came_up` are the keys of steps that an earlier keeper saw rolled out."""
         self.version = ""  # the Lease's
         self.free = False
-        self.nothing: str | None = None  # the Lease's version at which nothing was marked,
-        self.recorded: str | None = None  # and for which the record of updates says what became of the steps
+        # the Lease's version at which nothing was marked, and the record of updates said what became of the steps
+        self.nothing: str | None = None
         self.came_up = frozenset(came_up)
         self.waited: dict[str, float] = {}  # step -> how long it was failing,
         self.rested: dict[str, float] = {}  # and since then was not

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper of a ROS master is asked; its answers: `_robot/forwarding/calls.py`, `_robot/latched_topics.py`."""
+"""What the keeper of a ROS master is asked; its answers: `_robot/goal_forwarding.py`, `_robot/latched_topics.py`."""
 
 from __future__ import annotations
 

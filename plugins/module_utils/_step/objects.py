@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Deployments and pods say of themselves, as the API shows them. Pure."""
+"""What Deployments, pods and Leases say of themselves, as the API shows them. Pure."""
 
 from __future__ import annotations
 
@@ -157,3 +157,35 @@ def _are_in(wanted: list[Any], there: list[Any]) -> bool:
         return len(wanted) == len(there) and all(map(is_in, wanted, there))
     found = {one.get(known): one for one in there}
     return all(is_in(one, found.get(one[known])) for one in wanted)
+
+
+# ---- the Lease of a robot: who changes it now. Runs and the keeper write it alike, as Kubernetes' electors do
+
+
+def version_of(lease: Object | None) -> str:
+    return str(((lease or {}).get("metadata") or {}).get("resourceVersion") or "")
+
+
+def holder_of(lease: Object | None) -> str:
+    return str(((lease or {}).get("spec") or {}).get("holderIdentity") or "")
+
+
+def lease_with(holder: str, found: Object, me: str, seconds: int, at: str) -> Object:
+    """The Lease to write, with this holder: `me`, or empty for nobody.
+
+    `found` is what was read, or has metadata alone. The API refuses the write if somebody else made one since.
+    """
+    spec, ours = found.get("spec") or {}, holder_of(found) == me
+    return {
+        "apiVersion": "coordination.k8s.io/v1",
+        "kind": "Lease",
+        "metadata": found["metadata"],
+        "spec": {
+            **spec,
+            "holderIdentity": holder,
+            "leaseDurationSeconds": seconds,
+            "renewTime": at,
+            "acquireTime": spec.get("acquireTime", at) if ours else at,
+            "leaseTransitions": int(spec.get("leaseTransitions") or 0) + (bool(spec) and not ours),
+        },
+    }

@@ -15,8 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from ...module_utils._step.lease import holder_of, lease_with
-from ...module_utils._step.objects import Object
+from ...module_utils._step.objects import Object, holder_of, lease_with
 from .cache import Ref
 from .client import Kube
 from .connection import ApiError

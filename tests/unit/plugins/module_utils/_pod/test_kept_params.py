@@ -10,7 +10,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.kept_params import (
     Source,
     Space,
-    full,
     merge,
     tree_of,
 )
@@ -65,7 +64,7 @@ def test_another_handoff_and_one_begun_again(own: str, there: list[str], registe
 @pytest.mark.parametrize("own", [TWO, "arm"])
 def test_each_comes_from_where_this_version_left_it_or_from_the_source(own: str) -> None:
     tree = {MINE: {"values": {"rate": 1, "off": 0}}, ONE: {"rate": 2, "pid": {"p": 3}, "other": 4}}
-    keep = ["~rate", "~off", "~pid/p", "~gone", "/speed"]
+    keep = ["~rate", "~off", "~pid/p", "~gone"]
     found = space(own, tree).found(keep, Source(ONE))
     assert found == {f"{own}/rate": 1, f"{own}/off": 0, f"{own}/pid/p": 3}
     assert space(own, tree).found(keep, Source()) == {f"{own}/rate": 1, f"{own}/off": 0}
@@ -78,7 +77,7 @@ def test_each_comes_from_where_this_version_left_it_or_from_the_source(own: str)
         (["~rate"], Source(THREE), [MINE]),
         (["~rate"], Source(THREE, over=True), [MINE, THREE, f"{THREE}_kept"]),
         (["~rate"], Source(f"{LEFT}/values", over=True), [MINE, f"{LEFT}/values/rate"]),
-        (["~rate", "~pid/p", "/speed"], Source(f"{LEFT}/values", over=True), [MINE, LEFT]),
+        (["~rate", "~pid/p"], Source(f"{LEFT}/values", over=True), [MINE, LEFT]),
     ],
 )
 def test_what_is_taken_away(keep: list[str], source: Source, spent: list[str]) -> None:
@@ -92,7 +91,7 @@ def test_what_is_taken_away(keep: list[str], source: Source, spent: list[str]) -
 @pytest.mark.parametrize(
     ("keep", "at_work", "left"),
     [
-        (["~rate", "~pid/p", "~gone", "/speed"], {}, {"rate": 5, "pid/p": 2}),
+        (["~rate", "~pid/p", "~gone"], {}, {"rate": 5, "pid/p": 2}),
         (["~rate", "~pid"], {THREE: None}, {"rate": 5, "pid": {"p": 2, "d": 1}}),
         (["~rate", "~pid"], {THREE: ["~pid/p"]}, {"rate": 5, "pid": {"p": 2, "d": 1}}),
         (["~rate", "~pid/p"], {THREE: ["~pid"]}, {"rate": 5}),
@@ -165,7 +164,3 @@ def test_the_inventory_stays_as_it_is() -> None:
     given: dict[str, Any] = {"/arm/pid": {"p": 1}, "/arm/pid/d": 2}
     merge(given, {"/arm/pid": {"p": 2}}, "/arm")
     assert given == {"/arm/pid": {"p": 1}, "/arm/pid/d": 2}
-
-
-def test_names() -> None:
-    assert [full(name, "/arm") for name in ("~rate", "/rate")] == ["/arm/rate", "/rate"]

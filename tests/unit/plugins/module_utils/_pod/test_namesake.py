@@ -7,11 +7,11 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from xmlrpc.server import SimpleXMLRPCServer
+from collections.abc import Callable
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import namesake
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 NODE = "/planner"
 
@@ -19,26 +19,22 @@ NODE = "/planner"
 class Master:
     """A ROS master that knows of one node at most."""
 
-    def __init__(self) -> None:
+    def __init__(self, peers: Peers) -> None:
         self.uri = ""
-        self.asked = 0
-        self.server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
-        self.server.register_function(self.look_up, "lookupNode")
-        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
-        self.address = f"http://127.0.0.1:{self.server.server_address[1]}"
+        self.calls = peers.calls
+        self.address = peers.api("master", {"lookupNode": self.look_up})
 
-    def look_up(self, _caller: str, node: str) -> list[object]:
-        self.asked += 1
-        assert node == NODE
-        return [1, "node api", self.uri] if self.uri else [-1, "unknown node", ""]
+    def look_up(self, node: str) -> list[object]:
+        return [1, "node api", self.uri] if self.uri and node == NODE else [-1, "unknown node", ""]
+
+    @property
+    def asked(self) -> int:
+        return len(self.calls)
 
 
 @pytest.fixture
-def master() -> Iterator[Master]:
-    found = Master()
-    yield found
-    found.server.shutdown()
-    found.server.server_close()
+def master(peers: Peers) -> Master:
+    return Master(peers)
 
 
 class Waiting:
@@ -60,11 +56,6 @@ def registered(master: Master) -> socket.socket:
     made = socket.create_server(("127.0.0.1", 0))
     master.uri = f"http://127.0.0.1:{made.getsockname()[1]}/"
     return made
-
-
-def test_a_name_that_nobody_has_is_free(master: Master) -> None:
-    assert Waiting(master.address).over(5)
-    assert master.asked == 1
 
 
 def test_the_process_that_has_the_name_is_waited_for(master: Master) -> None:

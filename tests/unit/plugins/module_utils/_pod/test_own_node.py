@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -15,27 +16,18 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import own_node, state
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import (
-    OwnNode,
-    established,
-    find_node,
-    is_here,
-    listens_here,
-    nodes_here,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import OwnNode, own_nodes
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 NODE = "/arm"
-SETTINGS, NAMELESS = Settings(NODE), Settings("")
+SETTINGS, NAMELESS = Settings(NODE, expect_node=True), Settings("")
+NOBODY = ([], "no node is registered from this pod's address")
 
 
-@pytest.fixture
-def peers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peers]:
+@pytest.fixture(autouse=True)
+def _scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(state, "SCRATCH", str(tmp_path))
-    made = Peers()
-    yield made
-    made.close()
 
 
 class World:
@@ -85,17 +77,16 @@ def world(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> World:
 
 
 def test_it_is_where_the_master_says_and_the_next_call_asks_no_master(world: World) -> None:
-    node, why = find_node(SETTINGS)
-    assert (node and node.uri, node and node.services, why) == (world.node, {"/arm/home": world.service}, "")
+    (node,), why = own_nodes(SETTINGS)
+    assert (node.name, node.uri, node.services, why) == (NODE, world.node, {"/arm/home": world.service}, "")
     world.peers.calls.clear()
-    again, _why = find_node(SETTINGS)
-    assert (again and again.uri, world.asked("master")) == (world.node, [])
+    (again,), _why = own_nodes(SETTINGS)
+    assert (again.uri, world.asked("master")) == (world.node, [])
 
 
 def test_another_process_at_its_old_address_is_not_it(world: World) -> None:
     state.save_state(NODE, State(world.node, 6))
-    node, _why = find_node(SETTINGS)
-    assert node is not None
+    assert own_nodes(SETTINGS)[0]
     assert world.asked("master")
     assert state.load_state(NODE).pid == 7
 
@@ -105,31 +96,26 @@ def test_another_process_at_its_old_address_is_not_it(world: World) -> None:
     [
         ({"system": [1, "", [[], [], []]]}, "not registered with the master"),
         ({"address": "http://127.0.0.1:9/"}, "registered, but down: nothing listens at"),
+        ({"address": "http://192.0.2.7:1/"}, "registered from http://192.0.2.7:1/, which is not this pod"),
         ({"system": [0, "no", 0]}, "is not one"),
     ],
 )
 def test_where_it_is_not(world: World, change: dict[str, Any], words: str) -> None:
-    for name, value in change.items():
-        setattr(world, name, value)
-    node, why = find_node(SETTINGS)
-    assert node is None
+    vars(world).update(change)
+    nodes, why = own_nodes(SETTINGS, 0.3)
+    assert nodes == []
     assert words in why
 
 
-def test_a_node_that_is_late_may_be_at_work(world: World) -> None:
+@pytest.mark.parametrize("settings", [SETTINGS, NAMELESS])
+def test_a_node_that_is_late_may_be_at_work(world: World, settings: Settings) -> None:
     """On a busy robot: what it works on would be cut off, had it been left to SIGTERM."""
     world.address = f"http://127.0.0.1:{world.peers.hung()}/"
-    node, why = find_node(SETTINGS, 0.2)
-    assert (node and node.uri, why) == (world.address, "")
+    (node,), why = own_nodes(settings, 0.2)
+    assert (node.uri, why) == (world.address, "")
     assert state.load_state(NODE) == State()
-    assert [one.uri for one in nodes_here(NAMELESS, 0.2)[0]] == [world.address]
     world.address = f"http://127.0.0.1:{world.peers.dead()}/"
-    assert nodes_here(NAMELESS, 0.2) == ([], "no node is registered from this pod's address")
-
-
-def test_a_node_of_another_pod_is_left_alone(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(own_node, "is_here", lambda _uri: False)
-    assert find_node(SETTINGS) == (None, f"node {NODE}: registered from {world.node}, which is not this pod")
+    assert own_nodes(settings, 0.2)[0] == []
 
 
 @pytest.mark.parametrize(
@@ -137,7 +123,7 @@ def test_a_node_of_another_pod_is_left_alone(world: World, monkeypatch: pytest.M
     [("http://127.0.0.1:1/", True), ("http://192.0.2.7:1/", False), ("http://", False), ("http://[:1", False)],
 )
 def test_only_an_address_of_ones_own_can_be_bound(uri: str, here: bool) -> None:
-    assert is_here(uri) is here
+    assert own_node.is_here(uri) is here
 
 
 # ---- what is said to it
@@ -197,23 +183,21 @@ def test_where_the_kernel_does_not_tell_all_clients_count(peers: Peers, monkeypa
         assert world.own().calls() == 0
 
 
-def test_nodes_of_the_pod_are_found_by_its_address(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nodes_of_the_pod_are_found_by_its_address(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     """roslaunch names its nodes itself. Where the pod has the host's network, a process of it has to listen there."""
-    world = World(peers, monkeypatch)
-    (found,), reason = nodes_here(NAMELESS)
+    (found,), reason = own_nodes(NAMELESS)
     assert (found.name, found.uri, found.services, reason) == (NODE, world.node, {"/arm/home": world.service}, "")
-    (found,), _reason = nodes_here(replace(NAMELESS, host_network=True))
+    (found,), _reason = own_nodes(replace(NAMELESS, host_network=True))
     assert found.name == NODE
     monkeypatch.setattr(own_node, "listens_here", lambda _port: False)
-    assert nodes_here(replace(NAMELESS, host_network=True)) == ([], "no node is registered from this pod's address")
-    assert (
-        nodes_here(replace(NAMELESS, space="/robot2"))[0] == []
-    )  # several robots share a master: the others' nodes are not asked
-    assert nodes_here(replace(NAMELESS, space="/"))[0]
+    assert own_nodes(replace(NAMELESS, host_network=True)) == NOBODY
+    # of robots that share a master the others' nodes are not asked
+    assert own_nodes(replace(NAMELESS, space="/robot2")) == NOBODY
+    assert own_nodes(replace(NAMELESS, space="/"))[0]
     world.address = "http://["  # whatever a stranger has registered
-    assert nodes_here(NAMELESS) == ([], "no node is registered from this pod's address")
-    monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{peers.dead()}/")
-    assert "nothing listens" in nodes_here(NAMELESS)[1]
+    assert own_nodes(NAMELESS) == NOBODY
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{world.peers.dead()}/")
+    assert "nothing listens" in own_nodes(NAMELESS)[1]
 
 
 def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,7 +213,7 @@ def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch
     monkeypatch.setattr(own_node.socket, "getaddrinfo", look_up)
     world.address = "http://laptop:4711/"
     began = time.monotonic()
-    assert nodes_here(NAMELESS, 0.2) == ([], "no node is registered from this pod's address")
+    assert own_nodes(NAMELESS, 0.2) == NOBODY
     assert time.monotonic() - began < 5
     answered.set()
 
@@ -237,8 +221,8 @@ def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch
 def test_who_listens() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-        assert listens_here(port)
-    assert not listens_here(port)
+        assert own_node.listens_here(port)
+    assert not own_node.listens_here(port)
 
 
 def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:
@@ -264,17 +248,124 @@ def test_a_shutdown_of_what_is_gone_is_done(peers: Peers) -> None:
     OwnNode(NODE, f"http://127.0.0.1:{peers.dead()}/", {}, SETTINGS).shut_down()
 
 
-TABLE = """\
-  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
-   0: 0100007F:9F6B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 3487123 1
-   1: 0100007F:9F6B 0100007F:BE2E 01 00000000:00000000 00:00000000 00000000     0        0 3487124 1
-   2: 0100007F:BE2E 0100007F:9F6B 01 00000000:00000000 00:00000000 00000000     0        0 3487125 1
-   3: 0100007F:9F6B 0100007F:BE30 06 00000000:00000000 03:00001000 00000000     0        0 0 3
-"""
+# ---- calls under way
 
 
-def test_established_counts_what_peers_hold_to_a_port() -> None:
-    assert established([TABLE], {0x9F6B}) == 1
-    assert established([TABLE, TABLE], {0x9F6B, 0xBE2E}) == 4
-    assert established([TABLE], {1}) == 0
-    assert established(["", "header only\n"], {1}) == 0
+class Client:
+    """Both ends of a connection."""
+
+    def __init__(self, listener: socket.socket) -> None:
+        self.end = socket.create_connection(listener.getsockname()[:2])
+        self.server = listener.accept()[0]
+
+    def asks(self, read: bool = True) -> None:
+        self.end.sendall(b"question")
+        if read:
+            self.server.recv(100)
+
+    def gets(self) -> None:
+        self.server.sendall(b"answer")
+        self.end.recv(100)
+
+    def close(self) -> None:
+        self.end.close()
+        self.server.close()
+
+
+@pytest.fixture(params=["127.0.0.1", "::1"])
+def listener(request: pytest.FixtureRequest) -> Iterator[socket.socket]:
+    family = socket.AF_INET6 if ":" in request.param else socket.AF_INET
+    with socket.create_server((request.param, 0), family=family) as made:
+        yield made
+
+
+def test_a_call_is_a_question_without_an_answer(listener: socket.socket) -> None:
+    ports = {listener.getsockname()[1]}
+    client = Client(listener)
+    try:
+        assert own_node.calls_under_way(ports) == 0  # somebody who has said nothing yet
+        for read in (True, False):
+            client.asks()
+            client.gets()  # headers
+            assert own_node.calls_under_way(ports) == 0  # a persistent client at rest, and a subscriber
+            client.asks(read)
+            assert own_node.calls_under_way(ports) == 1
+            assert own_node.calls_under_way({1}) == 0
+            client.gets()
+            client.server.setblocking(False)
+            if not read:
+                client.server.recv(100)
+            client.server.setblocking(True)
+            assert own_node.calls_under_way(ports) == 0
+        client.asks()
+        client.gets()
+        client.asks()
+        client.end.close()  # it does not want the answer any more
+        assert own_node.calls_under_way(ports) == 0
+    finally:
+        client.close()
+
+
+def test_every_connection_counts(listener: socket.socket) -> None:
+    clients = [Client(listener) for _number in range(40)]
+    try:
+        for client in clients[::2]:
+            client.asks()
+        assert own_node.calls_under_way({listener.getsockname()[1]}) == 20
+    finally:
+        for client in clients:
+            client.close()
+
+
+def spoke(sent: int, received: int, acknowledged: int, segments: tuple[int, int]) -> bytes:
+    """A struct tcp_info: ms since each, and segments of data that came and went."""
+    return struct.pack("=44xL4x2L92x2L", sent, received, acknowledged, *segments)
+
+
+@pytest.mark.parametrize(
+    ("sent", "received", "acknowledged", "segments", "asking"),
+    [
+        (9, 8, 8, (2, 1), True),
+        (8, 9, 4, (2, 2), False),
+        # all within one tick of the kernel's clock
+        (104, 104, 104, (6, 5), True),
+        (104, 104, 60, (6, 6), False),  # the answer was acknowledged, 40 ms later as is usual
+        (0, 0, 0, (6, 6), False),
+        (104, 104, 60, (34, 6), False),  # it asks with an image and rests: it was waited for as long as it was there
+        (168, 168, 168, (34, 5), True),
+        (168, 168, 168, (1, 1), False),
+        (168, 168, 168, (1, 34), False),  # a subscriber of a latched map
+        (4, 4, 4, (6, 29), True),  # it got a map, and asked again at once: that call was cut off
+    ],
+)
+def test_who_spoke_last(sent: int, received: int, acknowledged: int, segments: tuple[int, int], asking: bool) -> None:
+    assert own_node._is_asking(spoke(sent, received, acknowledged, segments), 0) is asking
+    assert own_node._is_asking(spoke(sent, received, acknowledged, segments), 1)
+    with pytest.raises(OSError, match="too little"):
+        own_node._is_asking(b"", 0)
+
+
+def test_who_asks_again_as_soon_as_a_large_answer_is_there_is_asking(listener: socket.socket) -> None:
+    client, size = Client(listener), 300_000
+
+    def answer() -> None:
+        client.server.recv(100)
+        client.server.sendall(b"m" * size)
+        client.server.recv(100)
+
+    server = threading.Thread(target=answer)
+    server.start()
+    try:
+        client.end.sendall(b"question")
+        client.end.recv(size, socket.MSG_WAITALL)
+        client.end.sendall(b"question")
+        server.join(10)
+        assert own_node.calls_under_way({listener.getsockname()[1]}) == 1
+    finally:
+        client.close()
+
+
+def test_what_the_kernel_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_node, "_BY_FAMILY", 9999)
+    with pytest.raises(OSError, match="Invalid argument"):
+        own_node.calls_under_way({1})

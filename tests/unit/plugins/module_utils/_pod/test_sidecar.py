@@ -93,16 +93,3 @@ def test_whoever_says_nothing_or_hangs_up_costs_nothing(port: int) -> None:
 def test_it_ends_with_its_pod(running: subprocess.Popen[str]) -> None:
     os.kill(running.pid, signal.SIGTERM)
     assert running.wait(10) == 0
-
-
-@pytest.mark.parametrize(
-    ("line", "path"),
-    [
-        (b"GET /stop HTTP/1.1\r\nHost: 10.42.0.9:11412\r\n\r\n", "/stop"),
-        (b"GET /stop\r\n\r\n", ""),
-        (b"PUT /stop HTTP/1.1\r\n\r\n", ""),
-        (b"", ""),
-    ],
-)
-def test_a_request_line(line: bytes, path: str) -> None:
-    assert sidecar.path_of(line) == path

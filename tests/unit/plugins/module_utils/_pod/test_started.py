@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -391,7 +392,6 @@ def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
 
 def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(started_command, "load_settings", lambda _environ: SETTINGS)
-    monkeypatch.setattr(started_command, "ros_of", lambda _environ: None)
     monkeypatch.setattr(started_command, "started", lambda *_: "not ready: x")
     assert started_command.main([]) == 1
     assert capsys.readouterr().out == "not ready: x\n"
@@ -428,3 +428,51 @@ def test_one_that_does_not_answer_is_not_told_and_one_that_does_only_once() -> N
     world.replies(SUBSCRIBER, error="it does not answer")
     assert started(world, introduce=calls.append) == ""
     assert len(calls) == 1
+
+
+# ---- the app's command
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        (["true"], ""),
+        (["sh", "-c", "echo fine"], ""),
+        (["false"], "readiness.command exited with 1"),
+        (["sh", "-c", "echo warming up; echo no fix yet >&2; exit 3"], "readiness.command exited with 3: no fix yet"),
+        (["sh", "-c", "kill -9 $$"], "readiness.command was ended by signal 9"),
+        (["/nowhere/ready"], "readiness.command cannot be run: /nowhere/ready: No such file or directory"),
+        (["sh", "-c", "yes 2>/dev/null | head -c 300000; exit 1"], "readiness.command exited with 1: y"),
+    ],
+)
+def test_a_commands_word(command: list[str], reason: str) -> None:
+    assert started_command.run_command(command, 5.0) == reason
+
+
+def test_commands_leave_no_file_open() -> None:
+    files = Path("/proc/self/fd")
+    before = len(list(files.iterdir()))
+    for command in (["true"], ["/nowhere"], ["sh", "-c", "exit 1"]) * 10:
+        started_command.run_command(command, 5.0)
+    assert len(list(files.iterdir())) < before + 5
+
+
+def test_a_command_that_does_not_end_is_ended_with_its_children(tmp_path: Path) -> None:
+    mark = tmp_path / "mark"
+    began = time.monotonic()
+    script = f"(sleep 1; echo late > {mark}) & sleep 60"
+    assert started_command.run_command(["sh", "-c", script], 0.2) == "readiness.command did not end within 0.2 s"
+    assert time.monotonic() - began < 0.9
+    time.sleep(1.1)
+    assert not mark.exists()
+
+
+def test_a_command_has_the_pods_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MARK", "here")
+    assert started_command.run_command(["sh", "-c", '[ "$MARK" = here ]'], 5.0) == ""
+
+
+def test_a_child_that_keeps_the_output_open_keeps_nobody_waiting() -> None:
+    began = time.monotonic()
+    assert started_command.run_command(["sh", "-c", "sleep 3 & exit 0"], 5.0) == ""
+    assert time.monotonic() - began < 1

@@ -8,7 +8,6 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -39,7 +38,7 @@ class Node(OwnNode):
     def sleep(self, seconds: float) -> None:
         self.at += seconds
 
-    def together(self, tasks: Sequence[Callable[[], Any]], seconds: float) -> list[Any]:
+    def together(self, tasks: Sequence[Callable[[], Any]], seconds: float, failed: Any = stop_command.why) -> list[Any]:
         """All begin at the same time, and none is waited for longer than said."""
         began, ended, found = self.at, self.at, []
         for task in tasks:
@@ -47,7 +46,7 @@ class Node(OwnNode):
             try:
                 found.append(task())
             except OSError as error:
-                found.append(error)
+                found.append(failed(error))
             ended = max(ended, self.at)
         assert ended <= began + max(seconds, 0.2) + 1e-6
         self.at = ended
@@ -230,7 +229,8 @@ def test_what_is_done_together_waits_for_nobody_who_hangs() -> None:
     found = stop_command.together([lambda: 1, fails, lambda: ended.wait(30)], 0.2)
     ended.set()
     assert time.monotonic() - began < 5
-    assert (found[0], str(found[1]), type(found[2])) == (1, "it is gone", type(TimeoutError()))
+    assert found == [1, "OSError: it is gone", found[2]]
+    assert found[2].endswith("timed out")
 
 
 def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,7 +239,7 @@ def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.Monke
 
     def find(_settings: Any, seconds: float) -> Any:
         asked.append(seconds)
-        return OwnNode("/x", "http://127.0.0.1:9/", {}, wanted), ""
+        return [OwnNode("/x", "http://127.0.0.1:9/", {}, wanted)], ""
 
     def stopped(_nodes: Any, _expect: bool, _hold: Any, ends: stop_command.Ends) -> list[str]:
         asked.append(ends.all)
@@ -247,7 +247,7 @@ def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.Monke
 
     wanted = Settings("/x", expect_node=True, stop_deadline=4)
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: wanted)
-    monkeypatch.setattr(stop_command, "find_node", find)
+    monkeypatch.setattr(stop_command, "own_nodes", find)
     monkeypatch.setattr(stop_command, "stop", stopped)
     began = time.monotonic()
     assert stop_command.main([]) == 0
@@ -270,13 +270,14 @@ def test_what_the_keeper_does_not_take_is_said() -> None:
     assert stop(node) == ["what /server has latched goes with it: OSError: it is gone"]
 
 
+@pytest.mark.parametrize("expect_node", [True, False])
 @pytest.mark.parametrize("what", ["calls", "hand_over", "unregister", "forget", "actions", "isolate", "hold"])
-def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
+def test_whatever_fails_the_node_is_stopped(what: str, expect_node: bool) -> None:
     node = Node({"/move": [IDLE]})
     node.raising = {what}
-    remarks = stop(node, held(node))
-    assert "shutdown" in node.order
-    assert bool(remarks) == (what != "calls")
+    remarks = stop(node, held(node), expect_node)
+    assert ("shutdown" if expect_node else "unregister") in node.order
+    assert bool(remarks) == (what != "calls" and (expect_node or what != "forget"))
 
 
 def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -289,13 +290,8 @@ def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     monkeypatch.setattr(stop_command, "load_settings", broken)
     assert stop_command.main([]) == 0
     assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
-    nameless = Settings("/x", stop_deadline=30)
-    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: nameless)
-    monkeypatch.setattr(stop_command, "nodes_here", lambda *_: ([], "no node is registered from here"))
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: Settings("/x", stop_deadline=30))
+    monkeypatch.setattr(stop_command, "own_nodes", lambda *_: ([], "no node is registered from here"))
     assert stop_command.main([]) == 0
-    assert told.pop() == "rosops.fleet: left to SIGTERM: no node is registered from here"
-    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: replace(nameless, expect_node=True))
-    monkeypatch.setattr(stop_command, "find_node", lambda *_: (None, "node /x: not registered with the master"))
-    assert stop_command.main([]) == 0
-    assert told[1:] == ["rosops.fleet: left to SIGTERM: node /x: not registered with the master"]
+    assert told[1:] == ["rosops.fleet: left to SIGTERM: no node is registered from here"]
     assert capsys.readouterr().out == ""

@@ -4,16 +4,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import cluster_api
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster, in_cluster
-from ansible_collections.rosops.fleet.plugins.module_utils._step.lease import lease_with
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import lease_with
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import KEEPER, UPDATING
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     certificate,
@@ -146,14 +144,6 @@ def test_nobody_else_gets_the_token(cluster: Cluster, server: Server, tmp_path: 
     with pytest.raises(ApiError, match="CERTIFICATE_VERIFY_FAILED"):
         cluster.lease(SPACE)
     assert server.requests.empty()
-
-
-def test_tls_is_loaded_with_the_first_request(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    modules: dict[str, Any] = dict(sys.modules)
-    monkeypatch.setitem(sys.modules, "ssl", None)  # type: ignore[arg-type]
-    assert cluster.lease(SPACE) is None
-    assert sys.modules["ssl"] is not None
-    sys.modules["ssl"] = modules["ssl"]
 
 
 def test_a_shared_masters_keeper_finds_robots_that_are_added(server: Server, tmp_path: Path) -> None:

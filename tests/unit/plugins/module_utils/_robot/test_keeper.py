@@ -4,26 +4,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import socket
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._robot import memory
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import keeper, memory
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import (
-    ADDRESSES,
     AWAY,
     LOOK,
-    PARAMETERS,
     QUIET,
     REST,
     Keeper,
+    Lifeline,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN, KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
@@ -35,6 +36,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations im
     after,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import master_state
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
 TALKER = Entry("http://t:1/", 7, {"/chatter": "std_msgs/String"}, {}, {"/talker/get": "rosrpc://t:2"})
 LISTENER = Entry("http://l:1/", 8, {}, {"/chatter": "std_msgs/String"}, {})
@@ -254,7 +256,7 @@ def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(benc
 
 
 def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Bench) -> None:
-    for _look in range(int(ADDRESSES)):
+    for _look in range(int(keeper.ADDRESSES)):
         bench.step()
     assert bench.ros.snapshots == 1
     bench.step()
@@ -272,7 +274,7 @@ def test_a_graph_that_stays_as_it_is_is_not_gone_through_again(bench: Bench, mon
         monkeypatch.setattr(owner, name, lambda *given, real=real, name=name: gone_through.append(name) or real(*given))
     bench.step()
     assert gone_through == ["missing", "as_dict"]
-    bench.steps(ADDRESSES - 2)
+    bench.steps(keeper.ADDRESSES - 2)
     assert gone_through == ["missing", "as_dict"]
     del bench.ros.entries["/listener"]
     bench.step()
@@ -332,33 +334,28 @@ def test_what_died_with_the_master_or_was_set_since_is_left_alone(bench: Bench) 
 def test_parameters_are_read_again_now_and_then(bench: Bench) -> None:
     bench.step()
     bench.ros.params["robot"] = {"wheels": 5}
-    bench.steps(PARAMETERS + 1)
+    bench.steps(keeper.PARAMETERS + 1)
     bench.ros.restart()
     bench.step()
     assert bench.ros.params["robot"] == {"wheels": 5}
 
 
-def test_what_the_master_lost_by_itself_comes_back_at_the_second_look(bench: Bench) -> None:
-    """A service whose last provider left, while an earlier one lives."""
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (Liveness(DEAD, "nothing listens at http://t:1/"), "nothing listens at http://t:1/"),
+        (Liveness(ALIVE, "", 70), "another process answers at http://t:1/: 70, not 7"),
+    ],
+)
+def test_a_dead_node_goes_once_it_was_gone_twice(bench: Bench, answer: Liveness, why: str) -> None:
     bench.step()
-    talker = bench.ros.entries["/talker"]
-    bench.ros.entries["/talker"] = Entry(talker.uri, 7, talker.publications)
-    bench.step()
-    assert not bench.ros.entries["/talker"].services
-    bench.step()
-    assert bench.ros.entries["/talker"].services == TALKER.services
-    assert bench.said == ["restored /talker service /talker/get"]
-
-
-def test_a_dead_node_goes_once_it_was_gone_twice(bench: Bench) -> None:
-    bench.step()
-    bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens at http://t:1/")
+    bench.ros.verdicts["/talker"] = answer
     bench.steps(AGAIN)
     assert "/talker" in bench.registered()
     bench.steps(20)
     assert "/talker" not in bench.registered()
     [line] = bench.said
-    assert line.startswith("removed /talker service /talker/get, /talker publisher /chatter: nothing listens at")
+    assert line == f"removed /talker service /talker/get, /talker publisher /chatter: {why}"
 
 
 def test_one_that_only_hangs_stays(bench: Bench) -> None:
@@ -399,3 +396,93 @@ def test_its_own_registrations_are_none_of_its_business(bench: Bench) -> None:
     bench.ros.nodes["/ros_keeper"] = bench.ros.entries["/ros_keeper"] = Entry("http://k:1/", 1, {"/work/goal": "x"})
     bench.steps(3)
     assert "/ros_keeper" not in bench.keeper.memory.nodes
+
+
+# ---- the connection that tells of the master's end
+
+
+class Listening:
+    """A master that accepts, and hangs up when it is told to, or after `idle` seconds."""
+
+    def __init__(self, idle: float = 60.0) -> None:
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.address: tuple[str, int] = self.server.getsockname()
+        self.idle, self.came, self.open = idle, 0, [self.server]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                peer, _address = self.server.accept()
+                self.came += 1
+                self.open.append(peer)
+                threading.Timer(self.idle, peer.close).start()
+
+    def end(self) -> None:
+        """As a process that ends: nothing listens first, then the connections go."""
+        for sock in self.open:
+            with contextlib.suppress(OSError):
+                sock.shutdown(socket.SHUT_RDWR)
+            sock.close()
+
+
+Masters = Callable[..., Listening]
+
+
+@pytest.fixture
+def woken() -> threading.Event:
+    return threading.Event()
+
+
+@pytest.fixture
+def masters(monkeypatch: pytest.MonkeyPatch) -> Iterator[Masters]:
+    monkeypatch.setattr(keeper, "LEAST", 0.05)
+    made: list[Listening] = []
+
+    def master(idle: float = 5.0) -> Listening:
+        made.append(Listening(idle))
+        return made[-1]
+
+    yield master
+    for one in made:
+        one.end()
+
+
+def test_the_end_is_noticed_at_once(masters: Masters, woken: threading.Event) -> None:
+    master = masters()
+    line = Lifeline(master.address, woken.set)
+    until(line.hold)
+    assert not woken.is_set()
+    master.end()
+    assert woken.wait(2)
+    until(lambda: not line.stands)
+
+
+def test_a_master_that_hangs_up_on_the_silent_has_not_ended(masters: Masters, woken: threading.Event) -> None:
+    master = masters(idle=0.1)
+    line = Lifeline(master.address, woken.set)
+    line.hold()
+    until(lambda: master.came >= 4)
+    assert not woken.is_set()
+    master.end()
+    assert woken.wait(2)
+
+
+def test_one_that_hangs_up_at_once_is_not_connected_to_all_the_time(masters: Masters, woken: threading.Event) -> None:
+    master = masters(idle=0.0)
+    line = Lifeline(master.address, woken.set)
+    began = time.monotonic()
+    line.hold()
+    until(lambda: master.came == 4)
+    assert time.monotonic() - began >= 3 * keeper.LEAST
+    assert not woken.is_set()
+
+
+def test_a_master_that_is_away_wakes_nobody(woken: threading.Event) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        address = closed.getsockname()
+    line = Lifeline(address, woken.set)
+    line.hold()
+    until(lambda: not line._thread.is_alive())  # type: ignore[union-attr]
+    assert not line.hold()
+    assert not woken.is_set()

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import latched_topics
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import EXPIRES, SETTLE
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched_topics import LatchedTopics
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import latched, raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import KeeperCalls
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Publication, Slave
@@ -193,27 +193,6 @@ def test_who_had_it_does_not_get_it_again_unless_it_subscribes_anew(stage: Stage
     assert early.get(timeout=5) == b"go there"
 
 
-def test_a_tool_that_is_not_registered_gets_it(stage: Stage) -> None:
-    kept(stage)
-    got: queue.Queue[bytes] = queue.Queue()
-    stage.connect("/rosops_fleet_17", stage.slave, got)
-    assert got.get(timeout=5) == b"at the charger"
-
-
-def test_a_next_version_that_has_latched_by_itself_needs_none(stage: Stage) -> None:
-    old_topic, new_topic = LatchingTopic(), LatchingTopic()
-    old, _new = stage.node(OLD, old_topic), stage.node(NEW, new_topic)
-    old_topic.publish(b"old")
-    new_topic.publish(b"new")
-    assert stage.hook(old) == ""
-    stage.look()
-    while stage.keeper.values:
-        stage.keeper.hear(stage.selector, 5.0)
-    stage.end_of(old)
-    stage.look(SETTLE)
-    assert not stage.offered()
-
-
 def test_another_definition_of_the_type_needs_none(stage: Stage) -> None:
     topic = LatchingTopic()
     old = stage.node(OLD, topic)
@@ -277,7 +256,7 @@ def test_a_boot_of_the_host_ends_it(stage: Stage) -> None:
 
 def test_a_file_that_is_not_whole_is_not_given(stage: Stage) -> None:
     kept(stage)
-    (stage.directory / "latched" / "1").write_bytes(b"half")
+    (stage.directory / "latched" / stage.files()[0]).write_bytes(b"half")
     stage.again()
     assert (stage.keeper.values, stage.files()) == ({}, [])
 

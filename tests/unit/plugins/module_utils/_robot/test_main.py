@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import Code
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
 
 
 def volume(directory: Path, version: str) -> None:
@@ -21,13 +21,7 @@ def volume(directory: Path, version: str) -> None:
 
 def test_other_files_than_it_was_begun_from_are_noticed(tmp_path: Path) -> None:
     volume(tmp_path, "..2026_01_01")
-    code = Code(str(tmp_path / "run.py"))
-    assert not code.changed()
+    begun = code_of(str(tmp_path / "run.py"))
     volume(tmp_path, "..2026_01_02")
-    assert code.changed()
-    assert not Code(str(tmp_path / "run.py")).changed()
-
-
-def test_files_that_no_kubelet_brought_do_not_change(tmp_path: Path) -> None:
-    (tmp_path / "run.py").write_text("")
-    assert not Code(str(tmp_path / "run.py")).changed()
+    assert code_of(str(tmp_path / "run.py")) != begun
+    assert code_of(str(tmp_path / "by hand" / "run.py")) == ""  # no kubelet brings others there

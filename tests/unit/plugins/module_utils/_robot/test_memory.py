@@ -8,9 +8,9 @@ import json
 import xmlrpc.client
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import (
     MEMORY,
+    KeptFiles,
     Memory,
     absent_parameters,
     from_dict,
@@ -35,14 +35,6 @@ def memory(**nodes: Entry) -> Memory:
     it = Memory(("pid",))
     it.learn({f"/{name}": entry for name, entry in nodes.items()}, {f"/{name}": 7 for name in nodes})
     return it
-
-
-def test_a_restarted_master_is_told_all_at_once() -> None:
-    it = memory(n=ENTRY)
-    due = it.lost({}, 1.0, at_once=True)
-    assert set(due) == {"/n"}
-    assert len(it.settle(due, {}, {"/n": YES}, restarted=1.0).calls) == 3
-    assert it.nodes["/n"].publications == {"/a": "x/A"}
 
 
 def test_without_a_restart_it_takes_two_looks() -> None:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -13,16 +13,11 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.staying import Staying
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.open_goals import Staying
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Graph,
-    MasterState,
-    Node,
-    Questions,
-    StatusReading,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
@@ -101,10 +96,21 @@ class World:
         name = deployment["metadata"]["name"]
         self.there[namespace, name], self.maps[namespace, name] = deployment, record
 
+    def take(self, holder: str = "host 77", namespace: str = NAMESPACE) -> None:
+        """Somebody takes the Lease, or renews it."""
+        self.number += 1
+        self.leases_now[namespace] = lease(holder, self.number)
+
+    def before(self, request: str, happens: Callable[..., Any]) -> None:
+        """Let something happen right before whatever is asked for in this way."""
+        real = getattr(self, request)
+        setattr(self, request, lambda *given: (happens(*given), real(*given))[1])
+
     def run(self, seconds: float) -> None:
         end = self.at + seconds
         while self.at < end:
-            self.at += self.watch.look()
+            self.watch.look()
+            self.at += LOOK
 
     def revision(self, name: str, namespace: str = NAMESPACE) -> str:
         template = self.there[namespace, name]["spec"]["template"]
@@ -186,16 +192,14 @@ class World:
             raise RosError("the ROS master does not answer")
         return self.state_now
 
-    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+    def ask(self, state: MasterState, wanted: graph.Questions) -> graph.Graph:
+        pids = {name: 77 if name in self.answering else None for name in wanted.nodes}
         nodes = [
-            Node(
-                name, self.uris.get(name, ""), pid=77 if name in self.answering else None, refused=name in self.refused
-            )
-            for name in wanted.nodes
+            graph.Node(name, self.uris.get(name, ""), pid, refused=name in self.refused) for name, pid in pids.items()
         ]
-        graph = state.graph.answered(nodes)
+        found = state.graph.answered(nodes)
         statuses = {node.key: self.goals.get(node.name, StatusReading(error="mute")) for node in nodes}
-        return replace(graph, actions={name: replace(graph.action(name), statuses=statuses) for name in wanted.actions})
+        return replace(found, actions={name: replace(found.action(name), statuses=statuses) for name in wanted.actions})
 
     def serve(self, action: str, *nodes: str) -> None:
         self.state_now = MasterState(
@@ -251,19 +255,10 @@ def test_a_version_that_does_not_get_ready_is_taken_back() -> None:
     assert world.done[-1] == "lease free"  # and that was it
 
 
-def test_a_version_that_gets_ready_stays_for_the_next_run() -> None:
-    world = left_alone()
-    world.run(100)
-    world.there[NAMESPACE, "camera"]["status"]["readyReplicas"] = 1
-    world.run(3600)
-    assert (world.revision("camera"), world.done) == ("rev2", [])
-    assert UPDATING in world.there[NAMESPACE, "camera"]["metadata"]["annotations"]
-
-
 def test_a_run_at_work_is_let_alone() -> None:
     world = left_alone(ready_timeout=30)
-    for number in range(200):
-        world.leases_now[NAMESPACE] = lease("host 77", number)
+    for _time in range(200):
+        world.take()
         world.run(10)
     assert world.done == []
     assert set(world.requests) == {"leases"}
@@ -283,10 +278,9 @@ def test_at_rest_a_look_is_one_small_request() -> None:
 def test_an_api_that_is_away_is_weather() -> None:
     world = left_alone(ready_timeout=120)
     world.run(60)
-    world.away = True
+    asked, world.away = len(world.requests), True
     world.run(600)
-    asked = len(world.requests)
-    assert asked < 80
+    assert world.requests[asked:] == ["leases"] * 60
     world.away = False
     world.run(80)
     assert world.revision("camera") == "rev2"
@@ -322,15 +316,7 @@ def test_a_keeper_started_anew_begins_anew() -> None:
 
 def test_a_run_that_takes_the_lease_meanwhile_has_it() -> None:
     world = left_alone(ready_timeout=30)
-    find = world.lease
-
-    def taken(namespace: str) -> dict[str, Any] | None:
-        found = find(namespace)
-        world.number += 1
-        world.leases_now[NAMESPACE] = lease("host 99", world.number)  # right after every look
-        return found
-
-    world.lease = taken  # type: ignore[method-assign]
+    world.before("write_lease", lambda *_: world.take("host 99"))  # right after every look
     world.leases_now[NAMESPACE] = lease("")
     world.run(300)
     assert not [done for done in world.done if done.startswith("apply")]
@@ -381,11 +367,7 @@ def test_a_goal_that_comes_just_then_is_waited_for_too(refuses: bool) -> None:
     """Where nothing can be held it is looked twice all the same."""
     world = drained(left_alone(node="/camera", ready_timeout=60))
     world.goals["/camera"], world.refuses_holds = busy(), refuses
-
-    def comes() -> None:
-        world.goals["/camera"] = busy(ACTIVE)
-
-    world.on_hold = comes
+    world.on_hold = lambda: world.goals.update({"/camera": busy(ACTIVE)})
     world.run(200)
     assert not [done for done in world.done if done.startswith(("apply", "services"))]
     assert world.held == []
@@ -434,7 +416,7 @@ def test_a_version_that_only_waits_beside_the_old_one_has_no_goals(address: str,
 def launch_contract() -> dict[str, Any]:
     """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
     contracts = step_gate(
-        launch_step(), Graph.from_dict(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
+        launch_step(), graph.Graph.from_dict(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
     ).contracts
     assert contracts["nav"].actions == ("/move_base",)
     return contracts["nav"].as_dict()
@@ -488,28 +470,24 @@ def shared() -> World:
 def test_what_is_the_whole_fleets_has_a_lease_of_its_own() -> None:
     """Whoever changes it has that one, too; runs on robots alone do not keep it from going back."""
     world = shared()
-    for number in range(50):
-        world.leases_now["robot-r1"], world.leases_now["fleet"] = lease("host 77", number), lease("host 77", number)
-        world.run(4)
-    assert world.revision("map", "fleet") == "rev2"
-    for number in range(50, 100):
-        world.leases_now["robot-r1"] = lease("host 77", number)
-        world.run(4)
-    assert world.revision("map", "fleet") == "rev1"
+    for taken, revision in ((("robot-r1", "fleet"), "rev2"), (("robot-r1",), "rev1")):
+        for _time in range(50):
+            for namespace in taken:
+                world.take(namespace=namespace)
+            world.run(4)
+        assert world.revision("map", "fleet") == revision
 
 
 @pytest.mark.parametrize(("error", "goes_back"), [(ApiError("answered 403", 403), True), (AWAY, False)])
 def test_a_robot_that_may_not_be_read_keeps_nobody_from_the_others(error: KubeError, goes_back: bool) -> None:
     """Its namespace may be gone, and what it told of itself still be there. An API that is away is so for all."""
     world = shared()
-    find = world.deployments
 
-    def refused(namespace: str) -> list[dict[str, Any]]:
+    def refused(namespace: str) -> None:
         if namespace == "robot-r1":
             raise error
-        return find(namespace)
 
-    world.deployments = refused  # type: ignore[method-assign]
+    world.before("deployments", refused)
     world.run(380)
     assert (world.revision("map", "fleet") == "rev1") is goes_back
     assert [line for line in world.said if "robot-r1" in line] == [f"robot-r1: {error}"]
@@ -571,15 +549,6 @@ def test_what_is_not_marked_any_more_is_forgotten() -> None:
     assert world.record["steps"] == {}
 
 
-@pytest.mark.parametrize("spoilt", [[], {NAMESPACE: 3}, "x", None])
-def test_a_record_that_somebody_spoilt_is_none(spoilt: Any) -> None:
-    world = left_alone(ready_timeout=60)
-    world.record["steps"] = spoilt
-    world.watch = world.start()
-    world.run(100)
-    assert world.revision("camera") == "rev1"
-
-
 # ---- the Lease while it goes back
 
 
@@ -593,17 +562,8 @@ def group(world: World) -> World:
 def test_a_group_that_takes_its_time_keeps_the_lease() -> None:
     world = group(World())
     written: list[float] = []
-    write, apply = world.write_lease, world.apply
-
-    def renewed(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
-        written.append(world.at)
-        return write(namespace, body)
-
-    def slow(namespace: str, body: dict[str, Any]) -> None:
-        world.at += 9.0
-        apply(namespace, body)
-
-    world.write_lease, world.apply = renewed, slow  # type: ignore[method-assign]
+    world.before("write_lease", lambda *_: written.append(world.at))
+    world.before("apply", lambda *_: world.sleep(9.0))
     world.run(120)
     assert [world.revision(app) for app in ("lidar", "camera", "fusion")] == ["rev1"] * 3
     assert max(later - one for one, later in pairwise(written)) < 15.0
@@ -611,14 +571,10 @@ def test_a_group_that_takes_its_time_keeps_the_lease() -> None:
 
 def test_a_keeper_that_lost_its_lease_stops_at_once() -> None:
     world = group(World())
-
-    def another() -> None:
-        world.leases_now[NAMESPACE] = lease("host 99", 4711)
-
-    world.fails["lidar"] = another  # while this one is applied
+    world.fails["lidar"] = lambda: world.take("host 99")  # while this one is applied
     world.run(65)
     assert [world.revision(app) for app in ("lidar", "camera", "fusion")] == ["rev1", "rev2", "rev2"]
-    assert world.leases_now[NAMESPACE] == lease("host 99", 4711)
+    assert world.leases_now[NAMESPACE] == lease("host 99", world.number)
     where = f"{NAMESPACE}/lidar, camera, fusion"
     assert world.said[-1] == f"{where}: is not taken back any further: somebody else changes it now"
 
@@ -626,11 +582,7 @@ def test_a_keeper_that_lost_its_lease_stops_at_once() -> None:
 def test_goals_that_are_held_when_the_lease_is_lost_are_the_other_ones_affair() -> None:
     world = drained(left_alone(node="/camera", ready_timeout=60))
     world.goals["/camera"] = busy()
-
-    def another() -> None:
-        world.leases_now[NAMESPACE] = lease("host 99", 4711)
-
-    world.on_hold = another
+    world.on_hold = lambda: world.take("host 99")
     world.run(100)
     assert not [done for done in world.done if done.startswith(("apply", "services"))]
     assert world.held == [("/dock", "/camera")]
@@ -674,8 +626,8 @@ def test_no_run_that_is_gone_is_said_to_be_running() -> None:
     """Whatever became of its version: this one is Ready, and waits for the next run."""
     world = recorded(left_alone())
     world.there[NAMESPACE, "camera"] = live(version("camera", 2), ready=True)
-    for number in range(10):
-        world.leases_now[NAMESPACE] = lease("host 77", number)
+    for _time in range(10):
+        world.take()
         world.run(10)
     assert event(world)["outcome"] == "running"
     world.run(30)
@@ -690,18 +642,10 @@ def test_a_run_that_waits_for_a_busy_robot_has_let_go_of_its_lease() -> None:
 
 def test_a_record_that_a_run_writes_just_then_is_the_runs() -> None:
     world = recorded(left_alone())
-    find, first = world.config_map, [True]
-
-    def overtaken(namespace: str, name: str) -> dict[str, Any] | None:
-        found = find(namespace, name)
-        if name == "robot-updates" and first.pop():
-            first.append(False)
-            newer = json.loads(json.dumps(found))
-            newer["metadata"]["resourceVersion"] = "6"
-            world.maps[namespace, name] = newer
-        return found
-
-    world.config_map = overtaken  # type: ignore[method-assign]
+    newer = json.loads(json.dumps(world.maps[NAMESPACE, "robot-updates"]))
+    newer["metadata"]["resourceVersion"] = "6"
+    written = [newer]  # once
+    world.before("apply", lambda *_: written and world.maps.update({(NAMESPACE, "robot-updates"): written.pop()}))
     world.run(30)
     assert event(world)["outcome"] == "running"
     world.run(20)
@@ -710,14 +654,12 @@ def test_a_record_that_a_run_writes_just_then_is_the_runs() -> None:
 
 def test_a_record_that_may_not_be_written_keeps_no_step_from_going_back() -> None:
     world = recorded(left_alone(ready_timeout=60))
-    apply = world.apply
 
-    def refused(namespace: str, body: dict[str, Any]) -> None:
+    def refused(_namespace: str, body: dict[str, Any]) -> None:
         if body["kind"] == "ConfigMap":
             raise ApiError("answered 403", 403)
-        apply(namespace, body)
 
-    world.apply = refused  # type: ignore[method-assign]
+    world.before("apply", refused)
     world.run(150)
     assert world.revision("camera") == "rev1"
     assert f"{NAMESPACE}/robot-updates: answered 403" in world.said

@@ -16,7 +16,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import master as ros_master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import rpc
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client

@@ -14,10 +14,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
     ON_TRIAL,
     PROVEN,
     UNKNOWN,
-    Mark,
     Record,
     answer,
-    mark_of,
     record_of,
     soaks,
 )
@@ -114,12 +112,6 @@ def test_a_step_proves_all_its_apps_at_once(mark: str, other: dict[str, Any], ex
     assert answer(deployment(THIS, mark), records) == expected
 
 
-def test_a_mark_is_read_as_it_was_written() -> None:
-    assert mark_of(deployment(THIS, str(Mark("7", THIS)))) == Mark("7", THIS)
-    assert mark_of(deployment(THIS, "7")) == Mark("7")
-    assert mark_of(deployment(THIS)) is None
-
-
 def test_a_record_is_read_as_it_was_written() -> None:
     written = record(OLD, ready_timeout=30, apps=[APP, "lidar"])
     assert record_of({"data": written.data()}) == written
@@ -147,14 +139,6 @@ def test_what_soaks(said: dict[str, Any], revision: str, note: str, *, soaking: 
     there["metadata"]["annotations"] = {SOAKING: note} if note else {}
     assert soaks(there, {APP: record(OLD, **said)}) is soaking
     assert soaks(there, {}) is False
-
-
-def test_what_soaks_is_new_until_it_is_proven() -> None:
-    good = record(OLD).found_good(120.0, 1)
-    assert (good.soak, good.ends, good.proven) == (120.0, 1, False)
-    assert answer(deployment(THIS), {APP: good}) == ON_TRIAL
-    assert answer(deployment(THIS), {APP: good.fulfilled()}) == PROVEN
-    assert good.fulfilled().soak == 0.0
 
 
 @pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import step_watch
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles, Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
@@ -53,16 +52,15 @@ class SimulatedKeeper:
             self.sim.later(step_watch.LOOK, self.look)
 
     def look(self) -> None:
-        pause = step_watch.LOOK
         pods = [pod for pod in self.sim.pods if pod.app == names.KEEPER_NAME and pod.ready and pod.up]
         if pods:
             process = (pods[-1].uid, pods[-1].restarts)
             if self.process != process:
                 self.process, self.watch = process, self._begin()
-            pause = self.watch.look()
+            self.watch.look()
         self.looking = bool(self._marked() or not (pods and self.watch.rests()))
         if self.looking:
-            self.sim.later(pause, self.look)
+            self.sim.later(step_watch.LOOK, self.look)
 
     def _marked(self) -> list[Object]:
         return [item for item in self._deployments() if {UPDATING, SOAKING} & {*item["metadata"]["annotations"]}]

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.lease import lease_with
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import lease_with
 
 FOUND = {
     "metadata": {"name": "robot-update", "resourceVersion": "7"},

@@ -7,8 +7,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding import rules
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding.rules import Goal, Hold, Sight
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import goal_rules as rules
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.goal_rules import Goal, Hold, Sight
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import RECALLING
 
 OLD, NEW, CLIENT = "http://old/", "http://new/", "http://client/"
@@ -25,7 +25,7 @@ def goal(name: str, at: float, alone: bool = False) -> Goal:
     return Goal(name, (int(at), 0), name.encode(), at, CLIENT, alone)
 
 
-def kinds(done: list[rules.Do]) -> list[str]:
+def kinds(done: list[rules.Order]) -> list[str]:
     return [f"{do.kind} {do.goal.id}" if do.goal else do.kind for do in done]
 
 

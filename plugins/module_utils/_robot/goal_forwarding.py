@@ -1,7 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One action's hold on the network: what `rules` decides, done; docs/goal-forwarding.md tells how."""
+"""Goal forwarding: the keeper's calls hold, release and state, and what `goal_rules` decides, done on the network.
+
+docs/goal-forwarding.md is its manual.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,10 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from typing import Any, Iterable, Mapping, Protocol
+from typing import Any, Callable, Iterable, Mapping, Sequence
 
-from ..._common.errors import RosError
-from ..._ros.actionlib import (
+from .._common.errors import RosError
+from .._ros.actionlib import (
     CANCEL_DEFINITION,
     CANCEL_MD5SUM,
     CANCEL_TYPE,
@@ -21,13 +24,13 @@ from ..._ros.actionlib import (
     encode_cancel,
     goal_id,
 )
-from ..._ros.raw_node import Slave
-from ..._ros.registrar import Registrar
-from ..._ros.replies import connections
-from ..._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
-from ..._ros.streams import TopicStream
-from . import rules
-from .rules import Goal, Hold, Order, Sight
+from .._ros.raw_node import Slave
+from .._ros.registrar import Registrar
+from .._ros.replies import connections
+from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
+from .._ros.streams import TopicStream
+from . import goal_rules as rules
+from .goal_rules import Goal, Hold, Order, Sight
 
 TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
@@ -37,11 +40,18 @@ AGAIN = 0.3  # between attempts to connect to the same publisher
 AWAY = 1.0  # before the next look at a master that does not answer
 KEEP = 5.0  # between writes of a hold of which nothing is new but the seconds to go
 INTRODUCE = 1.0  # between tellings of a server that is not connected to all of its clients, or to us
+RETRY = 1.0  # seconds between attempts to write what could not be written
+FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
 
 # what a stream is for
 GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
+
+Calls = Mapping[str, Callable[..., "list[Any]"]]  # each answers [code, message, value], as the slave API does
+OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
+# It holds nothing and says so: whoever asked goes on without.
+SWITCHED_OFF: Calls = {"hold": lambda *_: [0, OFF, 0], "release": lambda _: [1, OFF, 0], "state": lambda: [1, OFF, {}]}
 
 
 class Participants:
@@ -65,27 +75,10 @@ class Participants:
         }
 
 
-class Owner(Protocol):
-    """Whom a hold belongs to: calls.GoalForwarding."""
-
-    ros: Registrar
-    slave: Slave
-    name: str
-    lock: Any
-
-    def log(self, text: str, /) -> None: ...
-
-    def save(self) -> None: ...
-
-    def stays(self, action: str, server: str, /) -> bool: ...
-
-    def ended(self, forwarder: Forwarder) -> None: ...
-
-
 class Forwarder(threading.Thread):
     """One action's hold, from its begin to its end."""
 
-    def __init__(self, hold: Hold, header: Mapping[str, str], keeper: Owner) -> None:
+    def __init__(self, hold: Hold, header: Mapping[str, str], keeper: GoalForwarding) -> None:
         super().__init__(daemon=True, name=f"hold {hold.action}")
         self.hold, self.header, self.keeper = hold, dict(header), keeper
         self.ros, self.slave = keeper.ros, keeper.slave
@@ -107,19 +100,19 @@ class Forwarder(threading.Thread):
 
     # ---- streams
 
-    def wanted(self) -> dict[tuple[str, str], tuple[str, str, str]]:
-        """Streams that there should be: (role, address) -> caller id, topic, publisher's name."""
+    def wanted(self) -> dict[tuple[str, str], tuple[str, str]]:
+        """Streams that there should be: (role, address) -> caller id and topic."""
         scene, action = self.scene, self.hold.action
         if scene is None:
             return {}
-        own, found = self.keeper.name, {}
-        for name, uri in scene.clients.items():
-            found[GOALS, uri] = (own, f"{action}/goal", name)
+        own, found = self.slave.name, {}
+        for uri in scene.clients.values():
+            found[GOALS, uri] = (own, f"{action}/goal")
             # first in our own name: from then on nothing can pass us by
             if self.hold.taking and self.is_open((GOALS, uri)):
-                found[TAKEN, uri] = (self.hold.node, f"{action}/goal", name)
-        found.update({(CANCELS, uri): (own, f"{action}/cancel", name) for name, uri in scene.cancellers.items()})
-        found.update({(STATUS, uri): (own, f"{action}/status", name) for name, uri in scene.status.items()})
+                found[TAKEN, uri] = (self.hold.node, f"{action}/goal")
+        found.update({(CANCELS, uri): (own, f"{action}/cancel") for uri in scene.cancellers.values()})
+        found.update({(STATUS, uri): (own, f"{action}/status") for uri in scene.status.values()})
         return found
 
     def is_open(self, key: tuple[str, str]) -> bool:
@@ -131,7 +124,7 @@ class Forwarder(threading.Thread):
         for key in [key for key, stream in self.streams.items() if not stream.open]:
             del self.streams[key]
             self.tried.pop(key, None)
-        for key, (caller, topic, _name) in wanted.items():
+        for key, (caller, topic) in wanted.items():
             if key in self.streams or key in self.pending or now - self.tried.get(key, -AGAIN) < AGAIN:
                 continue
             self.pending.add(key)
@@ -201,7 +194,7 @@ class Forwarder(threading.Thread):
         name = next(name for name, uri in living.items() if uri == server)
         listening = all(name in self.slave.callers(f"{action}/{part}") for part in ("goal", "cancel"))
         try:
-            with Api(server, self.keeper.name, Deadline(CONNECT)) as api:
+            with Api(server, self.slave.name, Deadline(CONNECT)) as api:
                 edges = connections(api.call("getBusInfo"))
         except Exception as error:
             self.log(f"{name} does not say whom it is connected to: {reason(error, server, CONNECT)}")
@@ -224,7 +217,7 @@ class Forwarder(threading.Thread):
 
         def connected(uri: str) -> bool:
             ours = server == self.hold.node and self.is_open((TAKEN, uri))
-            with Api(uri, self.keeper.name, Deadline(CONNECT)) as api:
+            with Api(uri, self.slave.name, Deadline(CONNECT)) as api:
                 edges = connections(api.call("getBusInfo"))
             return sum((edge.topic, edge.peer, edge.direction) == (topic, server, "o") for edge in edges) > ours
 
@@ -246,7 +239,7 @@ class Forwarder(threading.Thread):
         topics = {f"{self.hold.action}/goal": self.header, f"{self.hold.action}/cancel": CANCEL_HEADER}
         for topic, header in topics.items():
             self.slave.advertise(topic, header)
-        own = self.keeper.name
+        own = self.slave.name
         self.ros.calls([("registerPublisher", own, topic, topics[topic]["type"], self.slave.uri) for topic in topics])
 
     def _unadvertise(self) -> None:
@@ -255,7 +248,7 @@ class Forwarder(threading.Thread):
         self.advertised = False
         topics = [f"{self.hold.action}/{part}" for part in ("goal", "cancel")]
         try:
-            self.ros.calls([("unregisterPublisher", self.keeper.name, topic, self.slave.uri) for topic in topics])
+            self.ros.calls([("unregisterPublisher", self.slave.name, topic, self.slave.uri) for topic in topics])
         except RosError as error:
             self.log(f"not unregistered: {error}")
         for topic in topics:
@@ -304,7 +297,7 @@ class Forwarder(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        scene = Participants(self.hold.action, self.ros, self.keeper.name)
+        scene = Participants(self.hold.action, self.ros, self.slave.name)
         with self.lock:
             self.scene = scene
 
@@ -324,7 +317,10 @@ class Forwarder(threading.Thread):
             except Exception as error:  # whatever one look brings: without us nobody gives the goals back
                 self.log(f"error: {type(error).__name__}: {error}")
                 time.sleep(AWAY)
-        self.finish()
+        with self.lock:
+            for stream in self.streams.values():
+                stream.close()
+        self.keeper.ended(self)
 
     def tick(self) -> None:
         with self.lock:
@@ -345,8 +341,122 @@ class Forwarder(threading.Thread):
         if self.hold.opened and not whole and time.monotonic() - self.introduced > INTRODUCE:
             self._introduce(self.hold.server)
 
-    def finish(self) -> None:
+
+class GoalForwarding:
+    """All holds. `stays` says of an action's server whether it will stay: only then it gets what is held."""
+
+    def __init__(
+        self,
+        ros: Registrar,
+        slave: Slave,
+        save: Callable[[Any], None],
+        log: Callable[[str], None],
+        stays: Callable[[str, str], bool],
+    ) -> None:
+        self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
+        self.write = save
+        self.forwarders: dict[str, Forwarder] = {}
+        self.unsaved = False
+        self.lock = threading.RLock()
+        self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}
+
+    def resume(self, kept: Sequence[Any]) -> None:
+        """Go on after a restart."""
+        for item in kept:
+            one = Forwarder(rules.from_dict(item, time.monotonic()), item["header"], self)
+            self.forwarders[one.hold.action] = one
+            one.log(f"{len(one.hold.goals)} goals are still held")
+            one.start()
+
+    def save(self) -> bool:
+        """Keep it; whether that could be done. Where it fails (the disk is full), it is said once."""
         with self.lock:
-            for stream in self.streams.values():
-                stream.close()
-        self.keeper.ended(self)
+            now, was_unsaved = time.monotonic(), self.unsaved
+            try:
+                self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
+                self.unsaved = False
+            except OSError as error:
+                self.unsaved = True
+                if not was_unsaved:
+                    self.log(f"what is held is not on record, and lost if the keeper is started again: {error}")
+            if was_unsaved and not self.unsaved:
+                self.log("what is held is on record again")
+            return not self.unsaved
+
+    def ended(self, forwarder: Forwarder) -> None:
+        """Until that is written: what an old file says is held would be forwarded a second time."""
+        with self.lock:
+            if self.forwarders.get(forwarder.hold.action) is forwarder:
+                del self.forwarders[forwarder.hold.action]
+        while not self.save():
+            time.sleep(RETRY)
+
+    # ---- the calls
+
+    def hold(self, action: str, server: str, seconds: float) -> list[Any]:
+        """Keep the goals of `action` until a server that is not the present `server` is up; how many clients."""
+        try:
+            old_uri = self.ros.addresses([server])[0].get(server, "")
+        except RosError as error:
+            return [0, str(error), 0]
+        until = time.monotonic() + float(seconds)
+        with self.lock:
+            one = self.forwarders.get(action)
+            if one is None or one.over:
+                one = self.forwarders[action] = Forwarder(Hold(action, server, old_uri, until), {}, self)
+            else:
+                one.hold.again(server, old_uri, until)
+        waiting = self._first(one)
+        if not one.is_alive():
+            one.start()
+        self.save()
+        clients = len(one.scene.clients) if one.scene else 0
+        one.log(f"held for {float(seconds):g} s, from {clients} clients")
+        missing = f"{waiting} of {clients} clients are not connected" if waiting else ""
+        return [1, missing, clients - waiting]
+
+    def _first(self, one: Forwarder) -> int:
+        """Connect to all clients; the hold is true only then."""
+        end = time.monotonic() + FIRST
+        waiting = 0
+        while time.monotonic() < end:
+            try:
+                one.look()
+            except RosError as error:
+                one.log(str(error))
+            with one.lock:
+                waiting = one.connect()
+            if not waiting and all(one.is_open(key) for key in one.wanted()):
+                break
+            time.sleep(TICK / 5)
+        return waiting
+
+    def release(self, action: str) -> list[Any]:
+        """Hand the goals to whatever server is there; how many were forwarded."""
+        with self.lock:
+            one = self.forwarders.get(action)
+        if one is None:
+            return [1, f"no goals of {action} are held", 0]
+        with one.lock:
+            one.hold.release(time.monotonic())
+        one.wake.set()
+        one.join(FIRST)
+        kept = "" if one.over else f"{len(one.hold.goals)} goals are kept"
+        return [1, kept, one.hold.forwarded]
+
+    def state(self) -> list[Any]:
+        """Action -> what is held of it, for how long yet, and the server that goals go to."""
+        now = time.monotonic()
+        with self.lock:
+            holds = [one.hold for one in self.forwarders.values()]
+        found = {
+            hold.action: {
+                "node": hold.node,
+                "held": list(hold.goals),
+                "forwarded": hold.forwarded,
+                "seconds": round(hold.until - now, 1),
+                "server": hold.server,
+            }
+            for hold in holds
+        }
+        return [1, "", found]

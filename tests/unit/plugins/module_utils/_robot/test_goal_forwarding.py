@@ -11,12 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding import calls, forwarder, rules
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding.calls import (
-    GoalForwarding,
-    SwitchedOff,
-    offer,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import goal_forwarding as forwarding
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import goal_rules as rules
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import KeeperCalls
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
@@ -37,9 +33,9 @@ SERVER = "/worker"
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same order of things in less time."""
     for module, name, seconds in (
-        (forwarder, "TICK", 0.01), (forwarder, "LOOK", 0.02), (forwarder, "AGAIN", 0.02), (forwarder, "AWAY", 0.02),
-        (forwarder, "INTRODUCE", 0.2), (rules, "LINGER", 0.1), (rules, "GRACE", 0.05), (rules, "RECALL", 0.2),
-        (rules, "PATIENCE", 2.0), (calls, "FIRST", 2.0), (calls, "TICK", 0.01), (raw_node, "POLL", 0.01),
+        (forwarding, "TICK", 0.01), (forwarding, "LOOK", 0.02), (forwarding, "AGAIN", 0.02), (forwarding, "AWAY", 0.02),
+        (forwarding, "INTRODUCE", 0.2), (forwarding, "FIRST", 2.0), (rules, "LINGER", 0.1), (rules, "GRACE", 0.05),
+        (rules, "RECALL", 0.2), (rules, "PATIENCE", 2.0), (raw_node, "POLL", 0.01),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, seconds)
 
@@ -59,12 +55,12 @@ class Stage:
         self.asked: list[tuple[str, str]] = []
         self.keeper = self.start_keeper()
 
-    def start_keeper(self) -> GoalForwarding:
+    def start_keeper(self) -> forwarding.GoalForwarding:
         node = Slave(KEEPER, "127.0.0.1", 0, self.master.uri)
         self.nodes.append(node)
         ros = Registrar(self.master.uri, 2.0, KEEPER)
-        made = GoalForwarding(ros, node, self.record.append, self.said.append, self.stays)
-        offer(made, node)
+        made = forwarding.GoalForwarding(ros, node, self.record.append, self.said.append, self.stays)
+        node.register(made.calls)
         made.resume(self.record[-1] if self.record else [])
         node.start()
         return made
@@ -214,7 +210,7 @@ def test_a_keeper_that_is_started_anew_goes_on(stage: Stage) -> None:
 
 
 def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calls, "RETRY", 0.02)
+    monkeypatch.setattr(forwarding, "RETRY", 0.02)
     full, write = [True], stage.keeper.write
     tried: list[Any] = []
 
@@ -268,7 +264,7 @@ def test_the_seconds_to_go_are_on_record_although_nothing_happens(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A keeper that is started again and again would hold for ever otherwise."""
-    monkeypatch.setattr(forwarder, "KEEP", 0.02)
+    monkeypatch.setattr(forwarding, "KEEP", 0.02)
     stage.keeper.hold(ACTION, SERVER, 60.0)
     first = stage.record[-1][0]["seconds"]
     until(lambda: stage.record[-1][0]["seconds"] < first - 0.05)
@@ -283,7 +279,7 @@ def test_a_master_that_is_away_for_a_moment(stage: Stage) -> None:
 
 
 def test_a_client_that_hangs_is_told_and_holds_up_nobody(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calls, "FIRST", 0.3)
+    monkeypatch.setattr(forwarding, "FIRST", 0.3)
     stage.master.nodes["/hung"] = f"http://127.0.0.1:{stage.peers.hung()}/"
     stage.master.publishers[f"{ACTION}/goal"].append("/hung")
     assert stage.keeper.hold(ACTION, SERVER, 60.0) == [1, "1 of 2 clients are not connected", 1]
@@ -308,10 +304,10 @@ def test_no_master_to_ask_who_the_server_is(stage: Stage) -> None:
 def test_switched_off_it_says_so_and_takes_nobodys_name(stage: Stage) -> None:
     node = Slave(KEEPER, "127.0.0.1", 0, stage.master.uri)
     stage.nodes.append(node)
-    offer(SwitchedOff(), node)
+    node.register(forwarding.SWITCHED_OFF)
     node.start()
     keeper = KeeperCalls(node.uri, "/us")
-    assert keeper.hold(ACTION, SERVER, 60.0) == f"the keeper refused: {calls.OFF}"
+    assert keeper.hold(ACTION, SERVER, 60.0) == f"the keeper refused: {forwarding.OFF}"
     assert (keeper.release(ACTION), keeper.held()) == ("", {})
     assert stage.client.callers(f"{ACTION}/goal") == [SERVER]
     assert stage.client.send("one") == [SERVER]
