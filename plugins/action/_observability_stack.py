@@ -20,7 +20,7 @@ from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ..plugin_utils._model.fleet import Fleet
 from ..plugin_utils._observability import stack
 from ..plugin_utils._observability.files import Files, stack_files
-from ..plugin_utils._observability.spec import Spec, spec_of
+from ..plugin_utils._observability.spec import Spec, runs, spec_of
 from ..plugin_utils._report.held import nodes_off
 
 
@@ -30,7 +30,7 @@ class ActionModule(ClusterAction):
         check = self._task.check_mode
         with self.cluster(params, known) as kube:
             admin = {"password": "", "version": ""}
-            if stack.has_grafana(spec):
+            if runs(spec)["grafana"]:
                 there = kube.get(ref_of(stack.ADMIN_SECRET))
                 fresh = secrets.token_hex(20)
                 admin = stack.grafana_admin(there, spec["grafana"]["admin_password"], fresh)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from ...module_utils._common.documents import Document
 from ...module_utils._common.errors import SpecError
 from .._model.finding import Problem, shown
-from .templates import Config
 
 # Kubernetes' own limit on what a ConfigMap holds: keys and values. Server-side apply keeps no second copy in an
 # annotation, so this is the only one; `kubectl apply` without it ends at 262144 bytes.
@@ -34,9 +34,10 @@ class Dashboard(NamedTuple):
     json: str
 
 
-def checked(files: Iterable[tuple[str, str]]) -> list[Dashboard]:
-    """The dashboards of (path, content), the collection's own first. Raises SpecError with every problem at once."""
-    problems: list[Problem] = []
+def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) -> list[Dashboard]:
+    """The dashboards of (path, content), the collection's own first. Raises SpecError with every problem at once, those
+    of files that could not be read, too."""
+    problems = [*unread]
     good: dict[str, Dashboard] = {}
     for path, content in files:
         page = _read(path, content, problems)
@@ -52,7 +53,7 @@ def checked(files: Iterable[tuple[str, str]]) -> list[Dashboard]:
     return list(good.values())
 
 
-def _read(path: str, content: str, problems: list[Problem]) -> Config | None:
+def _read(path: str, content: str, problems: list[Problem]) -> Document | None:
     try:
         page = json.loads(content.removeprefix("\ufeff"))
     except ValueError as error:
@@ -64,7 +65,7 @@ def _read(path: str, content: str, problems: list[Problem]) -> Config | None:
     return page
 
 
-def _page_problems(path: str, page: Config) -> Iterator[Problem]:
+def _page_problems(path: str, page: Document) -> Iterator[Problem]:
     if "uid" not in page and isinstance(page.get("dashboard"), dict):
         yield Problem(path, "is an answer of Grafana's API", "what is under its key `dashboard`")
         return
@@ -89,7 +90,7 @@ def _page_problems(path: str, page: Config) -> Iterator[Problem]:
         yield Problem(f"{path}: panels", f"is {shown(page['panels'])}", "a list")
 
 
-def _dashboard(page: Config) -> Dashboard:
+def _dashboard(page: Document) -> Dashboard:
     uid, title = str(page["uid"]), str(page["title"]).strip()
     # An id is a row of the database that it was exported from; Grafana warns of it. Without spaces more of it fits.
     text = json.dumps({**page, "id": None}, ensure_ascii=False, separators=(",", ":"))

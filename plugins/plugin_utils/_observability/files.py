@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...module_utils._common.errors import SpecError
+from .._model.finding import Problem
 from .dashboards import Dashboard, checked
 
 # By the place of the code and not of the play: the role's tasks run inside other roles', too.
@@ -36,34 +37,24 @@ def folder(path: Path, suffix: str) -> dict[str, str]:
 
 def stack_files(paths: Sequence[str], base: str, default_dashboards: bool, root: Path = FILES) -> Files:
     """What the stack is built with: the role's files, and the dashboards of the inventory that lie at `paths`."""
-    own = folder(root / "dashboards", ".json")
+    own = folder(root / "dashboards", ".json") if default_dashboards else {}
     # theirs must not have the uid of one that is shown beside them
-    beside = [str(root / "dashboards" / name) for name in own] if default_dashboards else []
-    users = read_dashboards(paths, beside, base)[len(beside) :] if paths else []
-    theirs = {f"{one.name}.json": one.json for one in users}
+    beside = {str(root / "dashboards" / name): text for name, text in own.items()}
+    theirs = {f"{one.name}.json": one.json for one in read_dashboards(paths, beside, base)} if paths else {}
     return Files(folder(root / "rules", ".yml"), folder(root / "loki-rules", ".yml"), {"Fleet": own, "Own": theirs})
 
 
-def read_dashboards(paths: Sequence[str], own: Sequence[str] = (), base: str = "") -> list[Dashboard]:
-    """Read files and check them, all problems in one SpecError; relative `paths` start from `base`.
+def read_dashboards(paths: Sequence[str], own: Mapping[str, str], base: str = "") -> list[Dashboard]:
+    """Those of the files, read and checked, all problems in one SpecError; relative `paths` start from `base`.
 
-    `own` ones come first, so that a user's duplicate is the one that is named.
+    `own` ones, by path, come first, so that a user's duplicate is the one that is named.
     """
-    wanted = list(
-        dict.fromkeys([*map(str, own), *(str(Path(base).expanduser() / Path(path).expanduser()) for path in paths)])
-    )
-    texts, missing = {}, []
-    for path in wanted:
+    texts, unread = dict(own), list[Problem]()
+    for path in dict.fromkeys(Path(base).expanduser() / Path(one).expanduser() for one in paths):
         try:
-            texts[path] = Path(path).read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else "is no text in UTF-8"
-            missing.append(f"  {path}: {reason}")
-    unread = "dashboards that cannot be read:\n" + "\n".join(missing) if missing else ""
-    try:
-        good = checked(texts.items())
-    except SpecError as error:
-        raise SpecError("\n".join(filter(None, [str(error), unread]))) from None
-    if unread:
-        raise SpecError(unread)
-    return good
+            texts[str(path)] = path.read_text("utf-8")
+        except OSError as error:
+            unread.append(Problem(str(path), str(error.strerror)))
+        except UnicodeDecodeError:
+            unread.append(Problem(str(path), "is no text in UTF-8"))
+    return checked(texts.items(), unread)[len(own) :]

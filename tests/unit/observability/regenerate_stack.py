@@ -7,11 +7,10 @@ Read the diff before keeping it.
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
@@ -22,8 +21,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files 
 from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named, write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
-OF_TEMPLATES, TEMPLATE = {"loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}, "as its template has it"
-RULES = {"relabel_configs", "metric_relabel_configs"}
+TEMPLATE = "as its template has it"
+WHOLE = ("grafana", "node-exporter")  # workloads that are shown with their pods, one of each kind
+OF_TEMPLATES = {"prometheus.yml", "loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
     rules={"ros.yml": "groups: []\n"},
@@ -58,25 +58,23 @@ def golden(name: str) -> list[dict[str, Any] | str]:
 
 
 def shown(item: dict[str, Any]) -> dict[str, Any]:
-    """The object with what its YAML files say in place of their text, which follows from that (`yaml_text`).
+    """The object without what is said elsewhere: labels that are those of a part, by its name, and what templates say.
 
-    Of a file that is made of a template that says as much; its text is in the hash that the pod's template has. A rule
-    of relabelling is a line.
+    That is in the hashes of the pod and of the workload: an update restarts who has another one.
     """
-    if item["kind"] != "ConfigMap":
-        return item
-    data = {
-        name: TEMPLATE if name in OF_TEMPLATES else yaml.safe_load(text) if name.endswith(".yml") else text
-        for name, text in item["data"].items()
-    }
-    for job in data.get("prometheus.yml", {}).get("scrape_configs", ()):
-        for rules in RULES & job.keys():
-            job[rules] = [" ".join(f"{key}={_words(said)}" for key, said in rule.items()) for rule in job[rules]]
-    return {**item, "data": data}
-
-
-def _words(said: Any) -> str:
-    return ",".join(said) if isinstance(said, list) else str(said)
+    found: dict[str, Any] = json.loads(json.dumps(item))
+    name = item["metadata"].get("labels", {}).get("rosops.fleet/app")
+    part = {"app.kubernetes.io/name": name, "rosops.fleet/app": name, "app.kubernetes.io/managed-by": "rosops.fleet"}
+    for metadata in (found["metadata"], found.get("spec", {}).get("template", {}).get("metadata", {})):
+        labels = metadata.get("labels", {})
+        if part.items() <= labels.items():
+            rest = [f"{key}={value}" for key, value in labels.items() if key not in part]
+            metadata["labels"] = ", ".join([f"of {name}", *rest])
+    if item["kind"] in ("Deployment", "DaemonSet") and name not in WHOLE:
+        found["spec"]["template"]["spec"] = TEMPLATE
+    if item["kind"] == "ConfigMap":
+        found["data"] = {name: TEMPLATE if name in OF_TEMPLATES else text for name, text in item["data"].items()}
+    return found
 
 
 def main() -> None:
