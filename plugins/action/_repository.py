@@ -11,8 +11,7 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name
-from ..plugin_utils._repository.files import plan, read, write
+from ..plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name, plan, read, write
 
 COLLECTION = Path(__file__).resolve().parents[2]
 

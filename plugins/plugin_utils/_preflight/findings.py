@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import NamedTuple
 
 from ...module_utils._common.documents import Result
 from .._model.k3s_defaults import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT
 from .._model.machines import MACHINES
 from .._model.versions import version
-from .finding import ERROR, WARNING, Finding, error, warning
-from .network import network_findings
 from .requirements import Requirements
 
+ERROR, WARNING = "error", "warning"
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")
 MINIMUM_MTU = 1280  # IPv6 needs it
@@ -26,7 +27,31 @@ LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
 # overlayfs cannot have these as its upper layer, and containerd's snapshots are overlays
 UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
 K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
+PORTS = {
+    "server": "6443/tcp (API), 10250/tcp (kubelet), 8472/udp (flannel), with several servers 2379-2380/tcp (etcd)",
+    "agent": "10250/tcp (kubelet, from the servers), 8472/udp (flannel, from all nodes)",
+}
+NETWORKS = "10.42.0.0/16 and 10.43.0.0/16"
+ALLOW = {
+    "firewalld": "firewall-cmd --permanent --zone=trusted --add-source=10.42.0.0/16 --add-source=10.43.0.0/16, "
+    "--add-port for each of the ports, then firewall-cmd --reload; or systemctl disable --now firewalld",
+    "ufw": "ufw allow from 10.42.0.0/16, ufw allow from 10.43.0.0/16, ufw allow for each of the ports; or ufw disable",
+}
+WITHOUT = {
+    "vxlan": "flannel cannot connect the pods of different nodes",
+    "ip_set": "NetworkPolicies are not enforced",
+}
 PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
+
+
+class Finding(NamedTuple):
+    severity: str
+    what: str
+    where: str
+    fix: str
+
+
+error, warning = partial(Finding, ERROR), partial(Finding, WARNING)
 
 
 def clock_offset(sent: float, began: float, ended: float, received: float) -> dict[str, float]:
@@ -243,6 +268,40 @@ def _network(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
         )
 
 
+def _pods_network(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+    """What may keep the host's pods from those of others, though its Node is Ready. Warnings only: what a firewall lets
+    through is not seen from here."""
+    network, role = facts["network"], requirements.role
+    for firewall in network["firewalls"]:
+        yield warning(
+            f"{firewall} is on; a k3s {role} needs {PORTS[role]}, and its pods and services {NETWORKS}",
+            "/etc/ufw/ufw.conf" if firewall == "ufw" else "/proc",
+            ALLOW[firewall],
+        )
+    selinux = network["selinux"]
+    if selinux["mode"] == "enforcing" and not selinux["policy"]:
+        yield warning(
+            "SELinux is enforcing, and k3s's policy is not there: containers may be denied their files",
+            "/sys/fs/selinux/enforce",
+            "install the packages container-selinux and k3s-selinux, and set k3s_config: {selinux: true}",
+        )
+    for module in network["lacking"]:
+        yield warning(
+            f"the kernel has no module {module}: {WITHOUT[module]}",
+            f"/lib/modules/{facts['kernel']}",
+            "on Ubuntu for the Raspberry Pi: apt install linux-modules-extra-raspi; elsewhere a kernel that has it"
+            + (", or k3s_config: {flannel-backend: host-gw} on the servers" if module == "vxlan" else ""),
+        )
+    interfaces = list(dict.fromkeys(route["interface"] for route in facts["routes"] if route["family"] == 4))
+    if len(interfaces) > 1 and not requirements.interface:
+        yield warning(
+            f"there are default routes by {' and '.join(interfaces)}: pods go by {interfaces[0]}, or by another one "
+            "when k3s starts while that is down",
+            "/proc/net/route",
+            "say by which one the robot reaches the others: k3s_config: {flannel-iface: NAME}, and k3s_node_ip",
+        )
+
+
 def _ports(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     ours = bool(facts["k3s"]["units"])
     for listener in facts["listening"]:
@@ -326,7 +385,7 @@ CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (
     _disk,
     _clock,
     _network,
-    network_findings,
+    _pods_network,
     _ports,
     _reachable,
     _name,
