@@ -25,7 +25,8 @@ from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._report.clusters import ask
 from ..plugin_utils._report.held import cluster_rows, outdated_rows
-from ..plugin_utils._report.hosts import (
+from ..plugin_utils._report.look import (
+    Look,
     cluster_problems,
     clusters_of,
     graphs_to_read,
@@ -34,7 +35,6 @@ from ..plugin_utils._report.hosts import (
     unmeasured,
     usage_of,
 )
-from ..plugin_utils._report.look import Look
 
 
 class ActionModule(ClusterAction):

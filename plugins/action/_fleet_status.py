@@ -26,8 +26,7 @@ from ..plugin_utils._report.page import status_page
 from ..plugin_utils._report.results import message_of
 from ..plugin_utils._report.ros_graph import Reading
 from ..plugin_utils._report.rows import Trouble, logs_of
-from ..plugin_utils._report.summary import TABLES, summary_text
-from ..plugin_utils._report.text import status_text
+from ..plugin_utils._report.text import TABLES, status_text, summary_text
 
 display = Display()
 

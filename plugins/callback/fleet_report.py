@@ -72,10 +72,10 @@ from ansible.plugins.callback import CallbackBase
 from ansible.release import __version__
 
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
-from ..plugin_utils._report.files import note_run, placed, write
-from ..plugin_utils._report.report import Report, screen, word_of
+from ..plugin_utils._report.files import placed, write
+from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
-from ..plugin_utils._report.run import RunReport, TaskInfo
+from ..plugin_utils._report.run import Report, RunReport, TaskInfo, screen, word_of
 from ..plugin_utils._report.silence import LOOK, Silence
 from ..plugin_utils._update.standing import Standing
 from ..plugin_utils._update.ticker import ticking

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A fleet's status at a glance: how good each row is, how many of each kind are, and a line per host. Pure."""
+"""A fleet's status at a glance: how good each row and each host is, and how many of each kind are. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from ...module_utils._ros.checks import RATE_TOLERANCE
-from .._model.formats import quantity_value
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 from . import rows
 from .rows import SHARED, Row, Status, some
@@ -17,23 +16,6 @@ from .rows import SHARED, Row, Status, some
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9
 _OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
-
-
-@dataclass(frozen=True)
-class HostLine(Row):
-    """What runs for a host, as shares that are in order, and what became of it. `level` is the worst of all that."""
-
-    host: str
-    group: str
-    state: str
-    node: str
-    master: str
-    apps: str
-    ros_nodes: str
-    topics: int | None
-    messages: float | None
-    outcome: str
-    level: str
 
 
 def level(row: Row, off: Collection[str] = ()) -> str:
@@ -68,8 +50,6 @@ def _level(row: Row) -> str:
             found = _claim(row)
         case rows.LastRun() | rows.Step():
             found = _OUTCOMES.get(row.outcome, OK)
-        case HostLine():
-            found = row.level
     return found
 
 
@@ -85,14 +65,7 @@ def _topic(row: rows.Topic) -> str:
 def _claim(row: rows.Claim) -> str:
     if not row.bound:
         return OK if row.unused else BAD
-    share = used_share(row)
-    return WARN if share is not None and share >= NEARLY_FULL else OK
-
-
-def used_share(row: rows.Claim) -> float | None:
-    """How much of its size a claim holds; None where either is not known."""
-    size = quantity_value(row.size)
-    return float(row.used_bytes) / float(size) if size and row.used_bytes is not None else None
+    return WARN if row.used_share is not None and row.used_share >= NEARLY_FULL else OK
 
 
 def is_unknown(row: Row, away: Collection[str]) -> bool:
@@ -210,30 +183,6 @@ def _untold(section: str, status: Status, away: Collection[str]) -> set[str]:
     return set()
 
 
-def host_lines(status: Status) -> list[HostLine]:
-    """A line per host: what runs for it and what became of it."""
-    outcomes = {row.host: row.outcome for row in status.outcomes}
-    nodes = {row.name: "Ready" if row.ready else "NotReady" for row in status.nodes}
-    return [_line(host, nodes.get(host.name, ""), outcomes.get(host.name, ""), status) for host in status.hosts]
-
-
-def _line(host: rows.Host, node: str, outcome: str, status: Status) -> HostLine:
-    topics = [row for row in status.topics if row.robot == host.name]
-    return HostLine(
-        host.name,
-        host.group,
-        "up" if host.reachable else "offline",
-        node,
-        _share(status.masters, host.name),
-        _share(status.apps, host.name),
-        _share(status.ros_nodes, host.name),
-        len(topics) or None,
-        sum(row.rate or 0.0 for row in topics) or None,
-        outcome,
-        host_level(status, host),
-    )
-
-
 def host_level(status: Status, host: rows.Host) -> str:
     """The worst of what belongs to the host. What a host that is off cannot show is no further fault."""
     if not host.reachable:
@@ -242,6 +191,7 @@ def host_level(status: Status, host: rows.Host) -> str:
     return _worst([level(row) for section in found for row in section if _whose(row) == host.name])
 
 
-def _share(section: Iterable[Row], host: str) -> str:
+def share(section: Iterable[Row], host: str) -> str:
+    """How many rows of a host are in order, as `1/2`; empty where it has none."""
     levels = [level(row) for row in section if _whose(row) == host]
     return f"{levels.count(OK)}/{len(levels)}" if levels else ""

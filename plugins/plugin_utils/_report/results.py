@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,19 +59,19 @@ def message_of(result: Result) -> str:
 def ready_of(action: str, result: Result) -> Ready | None:
     if action not in ("ros_ready", "_robot_update") or "verdict" not in result:
         return None
-    checks = [check for check in result.get("checks") or [] if isinstance(check, Mapping)]
-    unmet = [f"{check.get('kind')} {check.get('name')}: {check.get('reason')}" for check in checks
-             if check.get("verdict") != "pass"]  # fmt: skip
-    return Ready(str(result["verdict"]), _seconds(result), len(checks), tuple(unmet))
+    checks, words = result.get("checks") or (), "{kind} {name}: {reason}".format_map
+    return Ready(str(result["verdict"]), _seconds(result), len(checks), tuple(map(words, _unmet(checks))))
 
 
 def rollout_of(action: str, result: Result) -> Rollout | None:
     if action != "rollout_ready" or "objects" not in result:
         return None
-    rows = [row for row in result["objects"] or [] if isinstance(row, Mapping)]
-    unmet = [f"{row.get('kind')} {row.get('namespace')}/{row.get('name')}: {row.get('reason')}" for row in rows
-             if row.get("verdict") != "pass"]  # fmt: skip
-    return Rollout(_seconds(result), len(rows), tuple(unmet))
+    words = "{kind} {namespace}/{name}: {reason}".format_map
+    return Rollout(_seconds(result), len(result["objects"]), tuple(map(words, _unmet(result["objects"]))))
+
+
+def _unmet(judged: Sequence[Result]) -> Iterator[Result]:
+    return (one for one in judged if one["verdict"] != "pass")
 
 
 def _seconds(result: Result) -> float | None:

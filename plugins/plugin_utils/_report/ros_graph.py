@@ -11,7 +11,7 @@ problem. One that has ended nobody knows how may have done its work: a row, for 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...module_utils._common.documents import Result
@@ -67,33 +67,25 @@ def owners_of(apps: Iterable[Workload]) -> dict[str, Owner]:
     return {address: owners.pop() for address, owners in found.items() if len(owners) == 1}
 
 
-class Places:
-    """Where ROS nodes run, and for which app, by the addresses that they are registered with. `apps`: masters, too."""
-
-    def __init__(self, apps: Iterable[Workload], nodes: Iterable[rows.Node]) -> None:
-        self._apps = list(apps)
-        self._nodes = {row.address: row.name for row in nodes if row.address}
-
-    def of(self, graph: str, uri: str) -> tuple[str, str]:
-        """Of a node with this URI: `rows.RosNode.at` and `rows.RosNode.app`."""
-        address = host_of(uri)
-        here = [row for row in apps_of(graph, self._apps) if address in row.addresses]
-        if len(_hosts(here)) > 1:  # pods of two clusters may have it: then the robot's own is meant
-            here = [row for row in here if row.robot == graph]
-        hosts = _hosts(here)
-        at = hosts.pop() if len(hosts) == 1 else self._nodes.get(address, address)
-        return at, owners_of(here).get(address, ("", ""))[1]
+def place(graph: str, uri: str, apps: Iterable[Workload], hosts: Mapping[str, str]) -> tuple[str, str]:
+    """Where a ROS node runs, and for which app: `rows.RosNode.at` and `rows.RosNode.app`, by the address that it is
+    registered with. `apps` are masters, too, `hosts` the nodes' names by address."""
+    address = host_of(uri)
+    here = [row for row in apps_of(graph, apps) if address in row.addresses]
+    if len({host for row in here for host in row.nodes}) > 1:
+        # pods of two clusters may have it: then the robot's own is meant
+        here = [row for row in here if row.robot == graph]
+    found = {host for row in here for host in row.nodes}
+    at = found.pop() if len(found) == 1 else hosts.get(address, address)
+    return at, owners_of(here).get(address, ("", ""))[1]
 
 
-def _hosts(workloads: Iterable[Workload]) -> set[str]:
-    return {host for row in workloads for host in row.nodes}
-
-
-def node_rows(graphs: Graphs, places: Places) -> Iterator[rows.RosNode]:
+def node_rows(graphs: Graphs, apps: Sequence[Workload], nodes: Iterable[rows.Node]) -> Iterator[rows.RosNode]:
+    hosts = {row.address: row.name for row in nodes if row.address}
     for robot, one in sorted(graphs.items()):
         for node in map(one.graph.node, one.graph.names):
             sizes = len(node.publications), len(node.subscriptions)
-            where = places.of(robot, node.uri)
+            where = place(robot, node.uri, apps, hosts)
             yield rows.RosNode(robot, node.name, *where, node.reachable, node.error, *sizes, node.services)
 
 

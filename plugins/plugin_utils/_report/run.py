@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of every host in a run, and where the time went.
+"""What became of every host in a run, and where the time went: as a file (the callback's documentation has its keys),
+and as lines of the screen.
 
 Pure: the callback tells what happens and when, `finish` makes a report of it.
 """
@@ -11,17 +12,102 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from ...module_utils._common.documents import Data
 from .._model import outcomes
+from .._model.keys import plain
 from .._update.outcome import RobotOutcome
-from . import report, results
-from .host_run import HostRun, Noted
+from . import results
+from .host_run import HostRun, Noted, note_of
 from .results import Result
+from .text import table
 
 SLOWEST = 10
 CHANGED_KEPT = 100
+STAGES_SHOWN = 6
 NONE = RobotOutcome("")
+HEADERS = ("host", "outcome", "ros graph", "changed", "note")
+# In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words of outcomes.
+WOULD = {outcomes.UPDATED: "would change", outcomes.UNCHANGED: "would not change"}
 
 Counts = Mapping[str, int]  # Ansible's own of a host: ok, changed, failures, unreachable
+Api = Mapping[str, str]  # of a cluster: its `host`, and the `source` of the access
+
+
+@dataclass(frozen=True)
+class Spent:
+    """How long a play or a stage took, in seconds."""
+
+    name: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class HostReport:
+    """`changed` are names of tasks, `counts` Ansible's own."""
+
+    host: str
+    groups: tuple[str, ...]
+    outcome: RobotOutcome
+    failed_task: str | None
+    changed: tuple[str, ...]
+    ready: results.Ready | None
+    rollout: results.Rollout | None
+    counts: Counts
+
+    def as_dict(self) -> Data:
+        return {**plain(self), **self.outcome.as_dict()}
+
+    @property
+    def note(self) -> str:
+        return note_of(self.outcome.reason, self.failed_task or "")
+
+    @property
+    def graph(self) -> str:
+        """The last verdict on the ROS graph, in words."""
+        if self.ready is None:
+            return ""
+        return self.ready.verdict + ("" if self.ready.elapsed is None else f" {self.ready.elapsed:.1f} s")
+
+
+@dataclass(frozen=True)
+class Report:
+    """Times are in seconds, but for `started`, which is in UTC; `outcomes` are how many of each, `tasks` how many."""
+
+    playbook: str
+    check_mode: bool
+    started: str
+    elapsed: float
+    outcomes: Mapping[str, int]
+    hosts: tuple[HostReport, ...]
+    plays: tuple[Spent, ...]
+    stages: tuple[Spent, ...]
+    slowest_tasks: tuple[Data, ...]
+    tasks: int
+    apis: Mapping[str, Api]
+
+    def as_dict(self) -> Data:
+        """As it is written."""
+        return {**plain(self), "hosts": [host.as_dict() for host in self.hosts]}
+
+
+def word_of(outcome: str, check_mode: bool) -> str:
+    return WOULD.get(outcome, outcome) if check_mode else outcome
+
+
+def screen(report: Report, width: int = 120) -> list[str]:
+    """The report in lines: a host each, then where the time went."""
+    words = [word_of(host.outcome.outcome, report.check_mode) for host in report.hosts]
+    rows = [
+        (host.host, word, host.graph, host.counts.get("changed", 0), host.note)
+        for host, word in zip(report.hosts, words)
+    ]
+    lines = table(HEADERS, rows, width, wrapped=True) if rows else ["no host took part"]
+    slow = sorted(report.stages, key=lambda stage: stage.seconds, reverse=True)[:STAGES_SHOWN]
+    spent = ", ".join(f"{stage.name} {stage.seconds:.1f} s" for stage in slow if stage.seconds >= 0.1)
+    return [*lines, f"{report.elapsed:.1f} s" + (f": {spent}" if spent else "")]
+
+
+# ---- what happens
 
 
 @dataclass(frozen=True)
@@ -59,22 +145,18 @@ class _Task:
             self.seconds += max(self.ended - self.begun, 0.0)
         self.begun = None
 
-    def row(self) -> report.TaskReport:
-        where, seconds = (self.play, self.stage), round(self.seconds, 3)
-        return report.TaskReport(self.info.name, self.action, *where, seconds, len(self.hosts), len(self.changed))
-
-
-@dataclass(frozen=True)
-class _Failure:
-    task: str
-    message: str
+    def row(self) -> Data:
+        """As the report has it: `hosts` and `changed` are how many."""
+        where = {"name": self.info.name, "action": self.action, "play": self.play, "stage": self.stage}
+        return {**where, "seconds": round(self.seconds, 3), "hosts": len(self.hosts), "changed": len(self.changed)}
 
 
 @dataclass
 class _Host:
     groups: tuple[str, ...] = ()
     changed: list[str] = field(default_factory=list)
-    failure: _Failure | None = None
+    failure: str | None = None  # what was said of it
+    failed_task: str = ""
     unreachable: str = ""
     ready: results.Ready | None = None
     rollout: results.Rollout | None = None
@@ -84,7 +166,7 @@ class _Host:
     def outcome(self, counts: Counts, ended: Iterable[str]) -> RobotOutcome:
         """What became of it. `counts` know what was rescued, `ended` are the hosts that failed or were lost."""
         declared = self.declared or NONE
-        message = self.failure.message if self.failure else ""
+        message = self.failure or ""
         # A host may fail on purpose, for the exit status: then the word that was declared says more.
         on_purpose = declared.outcome in (outcomes.ROLLED_BACK, outcomes.BUSY, outcomes.OFFLINE, outcomes.FAILED)
         left = [how for other, how in self.blocked if other in ended]
@@ -120,7 +202,7 @@ class RunReport:
         self._plays: list[_Play] = []
         self._tasks: dict[str, _Task] = {}
         self._hosts: dict[str, _Host] = {}
-        self._apis: dict[str, report.Api] = {}
+        self._apis: dict[str, Api] = {}
 
     def host(self, name: str, groups: Iterable[str] = ()) -> _Host:
         host = self._hosts.setdefault(name, _Host())
@@ -157,7 +239,8 @@ class RunReport:
             return
         # what makes a host leave the run says nothing of what became of it
         name = task.info.name if task and task.action != "_leave" else ""
-        self.host(host).failure = _Failure(name, results.message_of(result))
+        own = self.host(host)
+        own.failure, own.failed_task = results.message_of(result), name
         if task and task.info.for_all and self._plays:
             for other in self._plays[-1].hosts:
                 if other != host:
@@ -177,7 +260,7 @@ class RunReport:
         for name, host in ended[:1]:
             how, why = "the connection was lost", host.unreachable
             if host.failure:
-                how, why = f"{host.failure.task} failed", host.failure.message or why
+                how, why = f"{host.failed_task} failed", host.failure
             for other in self._hosts.keys() - there.keys():
                 self._hosts[other].blocked.append((name, f"not carried on: the run ended on {name}: {how}: {why}"))
 
@@ -209,7 +292,7 @@ class RunReport:
         playbook: str = "",
         check_mode: bool = False,
         started: str = "",
-    ) -> report.Report:
+    ) -> Report:
         """The report. `stats` is Ansible's own summary per host: it knows what was rescued."""
         self._close(now)
         names = [name for name in self._hosts if name != "localhost" or name in stats]
@@ -219,40 +302,40 @@ class RunReport:
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
         hosts = tuple(self._host_report(name, stats.get(name) or {}, ended) for name in names)
         words = [host.outcome.outcome for host in hosts]
-        return report.Report(
+        return Report(
             playbook,
             check_mode,
             started,
             round(now - self._begun, 3),
             {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
             hosts,
-            tuple(report.Spent(play.name, round(play.ended - play.begun, 3)) for play in self._plays),
+            tuple(Spent(play.name, round(play.ended - play.begun, 3)) for play in self._plays),
             self._stages(),
             tuple(task.row() for task in slowest),
             len(self._tasks),
             self._apis,
         )
 
-    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> report.HostReport:
+    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> HostReport:
         host = self._hosts[name]
-        failed = host.failure.task if host.failure and counts.get("failures") else ""
+        failed = (host.failed_task if counts.get("failures") else "") or None
         outcome, changed = host.outcome(counts, ended), tuple(host.changed)
-        return report.HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
+        return HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
 
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
         failed = {name for name, host in self._hosts.items() if host.failure}
         here, lost = dict[str, HostRun](), dict[str, HostRun]()
         for name, host in self._hosts.items():
-            changed, task = len(host.changed), host.failure.task if host.failure else ""
+            changed = len(host.changed)
             stays = host.outcome({"changed": changed, "ok": 1}, ())
             here[name] = HostRun(name, playbook, started, stays, changed)
             gone = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
-            lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, task)
+            lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, host.failed_task)
         return Noted(playbook, started, here, lost)
 
-    def _stages(self) -> tuple[report.Spent, ...]:
+    def _stages(self) -> tuple[Spent, ...]:
         stages: dict[str, float] = {}
         for task in self._tasks.values():
             stages[task.stage] = stages.get(task.stage, 0.0) + task.seconds
-        return tuple(report.Spent(name, round(seconds, 3)) for name, seconds in stages.items())
+        return tuple(Spent(name, round(seconds, 3)) for name, seconds in stages.items())

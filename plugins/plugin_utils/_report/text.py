@@ -1,24 +1,26 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rows of a fleet's status as a page of text, and the tables of plain text that fit a terminal. Pure."""
+"""A fleet's status as text: what needs attention and how many of what, the rows as tables that fit a terminal. Pure."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
 from typing import Any
 
 from ...module_utils._common.printable import printable
-from . import rows
-from .glance import OK, level
-from .rows import Row, Status
+from .attention import Finding, attention
+from .glance import BAD, OK, counts, level
+from .rows import Row, Status, Topic
 
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
 NARROWEST_WRAPPED = 40  # what is read line by line
 UNCUT = 10_000
+TABLES = "All tables: the same with -v."
 WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
 Source = str | Callable[[Any], object]  # of a cell: a field of the row, or a function of it
 Columns = Sequence[tuple[str, Source]]  # with their headers
@@ -36,23 +38,6 @@ def size_words(count: int | None) -> str:
     return ""
 
 
-def _node_state(row: rows.Node) -> str:
-    state = "Ready" if row.ready else "NotReady"
-    return f"{state}, {row.reason}" if row.reason else state
-
-
-def _host_state(row: rows.Host) -> str:
-    return "up" if row.reachable else f"offline {row.reason}"
-
-
-def _used(row: rows.Claim) -> str:
-    return size_words(row.used_bytes)
-
-
-def _count(row: rows.Workload) -> str:
-    return f"{row.ready}/{row.wanted}"
-
-
 def rate_words(rate: float) -> str:
     """Three digits: what changes from one look to the next says nothing.
 
@@ -65,24 +50,14 @@ def rate_words(rate: float) -> str:
     return f"{rate:.{digits}f} Hz"
 
 
-def _rate(row: rows.Topic) -> str:
-    return "" if row.rate is None else rate_words(row.rate)
-
-
-def _promised(row: rows.Topic) -> str:
+def _promised(row: Topic) -> str:
     """Marked where it is not kept; for that there is no colour on a terminal."""
     return f"{row.promised.min_rate:g} Hz{'' if level(row) == OK else ' not kept'}" if row.promised else ""
 
 
-def _state(row: rows.RosNode) -> str:
-    return "up" if row.reachable else f"down: {row.error or 'no answer'}"
-
-
-def _unconnected(row: rows.Link) -> list[str]:
-    return [f"{publisher} and {subscriber}" for publisher, subscriber in row.broken]
-
-
-WORKLOAD = (("node", "nodes"), "restarts", ("image", "images"), "note")
+WORKLOAD = (
+    ("ready", lambda row: f"{row.ready}/{row.wanted}"), ("node", "nodes"), "restarts", ("image", "images"), "note",
+)  # fmt: skip
 
 
 def columns(*items: str | tuple[str, Source]) -> Columns:
@@ -92,44 +67,51 @@ def columns(*items: str | tuple[str, Source]) -> Columns:
 
 # Title, section, columns.
 SECTIONS: Sequence[tuple[str, str, Columns]] = (
-    ("PROBLEMS", "problems", columns("where", "what")),
-    ("HOSTS", "hosts", columns(("host", "name"), "group", "address", "role", "cluster", ("state", _host_state))),
-    ("NODES", "nodes", columns(
-        ("node", "name"), ("state", _node_state), "version", "address", "roles", ("deploymentType", "placement"),
-        "robot", ("other labels", "labels"),
+    ("Problems", "problems", columns("where", "what")),
+    ("Hosts", "hosts", columns(
+        ("host", "name"), "group", "address", "role", "cluster",
+        ("state", lambda row: "up" if row.reachable else f"offline {row.reason}"),
     )),
-    ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
-    ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
-    ("HELPERS", "helpers", columns("robot", ("helper", "name"), ("ready", _count), *WORKLOAD)),
-    ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
-    ("TAKEN BACK BY THE KEEPER", "went_back", columns(
+    ("Nodes", "nodes", columns(
+        ("node", "name"),
+        ("state", lambda row: ("Ready" if row.ready else "NotReady") + (f", {row.reason}" if row.reason else "")),
+        "version", "address", "roles", ("deploymentType", "placement"), "robot", ("other labels", "labels"),
+    )),
+    ("Placement", "placement", columns("node", ("deploymentType", "placement"), "runs")),
+    ("ROS masters", "masters", columns("robot", *WORKLOAD)),
+    ("Helpers", "helpers", columns("robot", ("helper", "name"), *WORKLOAD)),
+    ("Apps", "apps", columns("robot", ("app", "name"), "placement", *WORKLOAD)),
+    ("Taken back by the keeper", "went_back", columns(
         "robot", ("app", "name"), ("from", "before"), ("to", "after"), "at", "reason",
     )),
-    ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
-    ("ROS NODES", "ros_nodes", columns(
-        "robot", ("node", "name"), ("on", "at"), ("state", _state), ("publishes", "publications"),
-        ("subscribes", "subscriptions"), ("services", lambda row: len(row.services)),
+    ("Ended in launch files", "ended", columns("robot", "app", "node", "host")),
+    ("ROS nodes", "ros_nodes", columns(
+        "robot", ("node", "name"), ("on", "at"),
+        ("state", lambda row: "up" if row.reachable else f"down: {row.error or 'no answer'}"),
+        ("publishes", "publications"), ("subscribes", "subscriptions"), ("services", lambda row: len(row.services)),
     )),
-    ("ROS GRAPHS", "links", columns(
+    ("ROS graphs", "links", columns(
         "robot", ("topic", "name"), "action", ("from", "publishers"), ("to", "subscribers"),
-        ("not connected", _unconnected),
+        ("not connected", lambda row: [" and ".join(pair) for pair in row.broken]),
     )),
-    ("TOPICS", "topics", columns(
-        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections", ("rate", _rate),
-        ("promised", _promised), "note",
+    ("Topics", "topics", columns(
+        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections",
+        ("rate", lambda row: "" if row.rate is None else rate_words(row.rate)), ("promised", _promised), "note",
     )),
-    ("CLAIMS", "claims", columns(
-        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size", ("used", _used), "note",
+    ("Claims", "claims", columns(
+        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size",
+        ("used", lambda row: size_words(row.used_bytes)), "note",
     )),
-    ("LAST OUTCOMES", "outcomes", columns("host", "outcome", ("run", "playbook"), "started", "changed", "note")),
-    ("LAST UPDATE STEPS", "steps", columns(
+    ("Last outcomes", "outcomes", columns(
+        "host", "outcome", ("run", "playbook"), ("started", lambda row: when(row.started)), "changed", "note",
+    )),
+    ("Last update steps", "steps", columns(
         "robot", ("step", "name"), "handoff", "outcome", ("from", "before"), ("to", "after"), "seconds",
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
-OPTIONAL = frozenset(
-    {"note", "other labels", "id", "promised", "not connected"}
-)  # columns that go when nobody has anything in them
+# columns that go when nobody has anything in them
+OPTIONAL = frozenset({"note", "other labels", "promised", "not connected"})
 # Sections that are worth a line only when there is something in them.
 ONLY_WITH_ROWS = frozenset({"problems", "helpers", "went_back", "ended", "links", "outcomes", "steps"})
 
@@ -197,17 +179,65 @@ def grid(columns: Columns, rows: Sequence[Row]) -> tuple[list[str], list[list[ob
     return [header for header, _source in shown], [[_cell(row, source) for _header, source in shown] for row in rows]
 
 
-def _section(title: str, columns: Columns, rows: Sequence[Row], width: int) -> list[str]:
-    if not rows:
-        return [title, "  none", ""]
-    lines = table(*grid(columns, rows), width - 2)
-    return [title, *(f"  {line}" for line in lines), ""]
-
-
 def status_text(status: Status, width: int = WIDTH) -> str:
     """All tables. A section without rows says so, where it is worth a line."""
     lines: list[str] = []
     for title, key, columns in SECTIONS:
-        if status.rows(key) or key not in ONLY_WITH_ROWS:
-            lines += _section(title, columns, status.rows(key), UNCUT if key in WHOLE else width)
+        if rows := status.rows(key):
+            wide = UNCUT if key in WHOLE else width
+            lines += [title.upper(), *(f"  {line}" for line in table(*grid(columns, rows), wide - 2)), ""]
+        elif key not in ONLY_WITH_ROWS:
+            lines += [title.upper(), "  none", ""]
     return "\n".join(lines).rstrip() + "\n"
+
+
+# ---- before any table
+
+
+def summary_text(status: Status, now: str, name: str = "") -> str:
+    """Findings are said whole, however long the line. `now` is as in 2026-11-21T09:07:52Z, `name` is the fleet's."""
+    findings = attention(status)
+    lines = [*([f"FLEET {words(name)}", ""] if name else []), "NEEDS ATTENTION"]
+    for finding in findings:
+        lines += _finding(finding, now)
+    lines += ["  nothing"] if not findings else []
+    found = counts(status)
+    size = max((len(count.label) for count in found), default=0)
+    lines += ["", "SUMMARY"]
+    lines += [f"  {count.label.lower() if count.label[:3] != 'ROS' else count.label:<{size}}  {words(count.words)}"
+              for count in found] or ["  nothing was found"]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _finding(finding: Finding, now: str) -> Iterator[str]:
+    told = finding.told
+    yield f"  {'x' if finding.level == BAD else '!'} {words(told.where)}: {words(told.what)}"
+    for label, text in (
+        ("since", since_words(told.since, now)),
+        ("with it", "; ".join(finding.takes)),
+        ("do", told.todo),
+        ("see", finding.link),
+    ):
+        if text:
+            yield f"      {label:<8} {words(text)}"
+
+
+def when(time: str) -> str:
+    return time.replace("T", " ").replace("Z", " UTC")
+
+
+def since_words(since: str, now: str) -> str:
+    """A time, and how long ago that is.
+
+    >>> since_words("2026-11-21T09:00:00Z", "2026-11-21T09:12:30Z")
+    '2026-11-21 09:00:00 UTC (12 min)'
+    """
+    try:
+        seconds = (datetime.fromisoformat(now) - datetime.fromisoformat(since)).total_seconds()
+    except (ValueError, TypeError):
+        return since
+    ago = next((f"{seconds // size:.0f} {unit}" for unit, size in _UNITS if seconds >= 2 * size), "just now")
+    return f"{when(since)} ({ago})"
+
+
+_UNITS = (("d", 86400), ("h", 3600), ("min", 60), ("s", 1))

@@ -14,8 +14,7 @@ from ansible import context
 from ansible.utils.context_objects import CLIArgs
 from ansible_collections.rosops.fleet.plugins.action import _outcomes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import note_run
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted, note_run
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run

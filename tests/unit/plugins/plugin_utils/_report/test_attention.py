@@ -12,8 +12,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import re
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import RUNBOOKS, Finding
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention as of_status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import since_words
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import summary_text as of_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import since_words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import summary_text as of_fleet
 
 DOCS = Path(__file__).resolve().parents[5] / "docs" / "runbooks"
 UP = {"name": "robot1", "group": "robots", "role": "agent", "cluster": "edge", "reachable": True}

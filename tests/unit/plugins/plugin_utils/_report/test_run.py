@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import ACTIONS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import Report, RunReport, TaskInfo, screen
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
