@@ -38,7 +38,7 @@ PODS = {
         **{"pod": "add-two-ints-6c8b9d7f5c-x2x4z", "placement": "local"},
     },
     ("observability", "node-exporter-b7k9q", "node-exporter"): {
-        **{"namespace": "observability", "app": "node-exporter", "pod": "node-exporter-b7k9q", "placement": "local"},
+        **{"namespace": "observability", "app": "node-exporter", "pod": "node-exporter-b7k9q", "placement": "local"}
     },
 }
 

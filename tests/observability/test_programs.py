@@ -36,9 +36,7 @@ def prometheus_config(targets: dict[str, int], alertmanager: int, rules: str) ->
     return {
         "global": {"scrape_interval": "1s", "evaluation_interval": "1s"},
         "rule_files": [rules],
-        "alerting": {
-            "alertmanagers": [{"static_configs": [{"targets": [f"127.0.0.1:{alertmanager}"]}]}],
-        },
+        "alerting": {"alertmanagers": [{"static_configs": [{"targets": [f"127.0.0.1:{alertmanager}"]}]}]},
         "scrape_configs": [
             {"job_name": job, "static_configs": [{"targets": [f"127.0.0.1:{port}"], "labels": {"robot": "robot1"}}]}
             for job, port in targets.items()
@@ -70,8 +68,7 @@ def test_samples_and_alerts(tmp_path: Path, stack: ExitStack) -> None:
     address = "127.0.0.1"
     rules = write(tmp_path / "rules.yml", ALWAYS_FIRING)
     config = write(
-        tmp_path / "prometheus.yml",
-        prometheus_config({"prometheus": own, "node-exporter": exporter}, alerts, rules),
+        tmp_path / "prometheus.yml", prometheus_config({"prometheus": own, "node-exporter": exporter}, alerts, rules)
     )
     stack.enter_context(
         running(tmp_path / "exporter", exporter, exporter_path, f"--web.listen-address={address}:{exporter}")

@@ -30,11 +30,7 @@ DISCOVERY = [
     {"nonResourceURLs": ["/metrics"], "verbs": ["get"]},
 ]
 # A process that needs nothing of its host but what is mounted into it.
-UNPRIVILEGED = {
-    "allowPrivilegeEscalation": False,
-    "readOnlyRootFilesystem": True,
-    "capabilities": {"drop": ["ALL"]},
-}
+UNPRIVILEGED = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}
 
 Maps = Mapping[str, Mapping[str, str]]  # ConfigMaps by name: text by file
 

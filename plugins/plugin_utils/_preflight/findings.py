@@ -37,10 +37,7 @@ ALLOW = {
     "--add-port for each of the ports, then firewall-cmd --reload; or systemctl disable --now firewalld",
     "ufw": "ufw allow from 10.42.0.0/16, ufw allow from 10.43.0.0/16, ufw allow for each of the ports; or ufw disable",
 }
-WITHOUT = {
-    "vxlan": "flannel cannot connect the pods of different nodes",
-    "ip_set": "NetworkPolicies are not enforced",
-}
+WITHOUT = {"vxlan": "flannel cannot connect the pods of different nodes", "ip_set": "NetworkPolicies are not enforced"}
 PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
 
 
@@ -215,11 +212,7 @@ def _disk(facts: Result, requirements: Requirements) -> Iterable[Finding]:
             fix,
         )
     elif free < limits["recommended"]:
-        yield warning(
-            f"{has}; images fill that fast, {limits['recommended']} are better",
-            disk["path"],
-            fix,
-        )
+        yield warning(f"{has}; images fill that fast, {limits['recommended']} are better", disk["path"], fix)
     elif percent < percents["recommended"]:
         yield warning(
             f"{of_all}: k3s deletes images that no container uses where more than {IMAGE_GC_USED_PERCENT} % are used, "

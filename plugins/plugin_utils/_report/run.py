@@ -286,12 +286,7 @@ class RunReport:
             self._plays[-1].ended = now
 
     def finish(
-        self,
-        stats: Mapping[str, Counts],
-        now: float,
-        playbook: str = "",
-        check_mode: bool = False,
-        started: str = "",
+        self, stats: Mapping[str, Counts], now: float, playbook: str = "", check_mode: bool = False, started: str = ""
     ) -> Report:
         """The report. `stats` is Ansible's own summary per host: it knows what was rescued."""
         self._close(now)

@@ -26,8 +26,7 @@ WHOLE = ("grafana", "node-exporter")  # workloads that are shown with their pods
 OF_TEMPLATES = {"prometheus.yml", "loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
-    rules={"ros.yml": "groups: []\n"},
-    dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}},
+    rules={"ros.yml": "groups: []\n"}, dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}}
 )
 ALERTS = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
 SPECS: dict[str, dict[str, Any]] = {
@@ -45,10 +44,7 @@ SPECS: dict[str, dict[str, Any]] = {
 
 def built(spec: dict[str, Any]) -> list[dict[str, Any]]:
     """All objects of a spec, the Secrets last."""
-    return [
-        *stack.stack_objects(full(spec), FILES, ADMIN["version"]),
-        *stack.stack_secrets(full(spec), ADMIN),
-    ]
+    return [*stack.stack_objects(full(spec), FILES, ADMIN["version"]), *stack.stack_secrets(full(spec), ADMIN)]
 
 
 def golden(name: str) -> list[dict[str, Any] | str]:
@@ -62,19 +58,23 @@ def shown(item: dict[str, Any]) -> dict[str, Any]:
 
     That is in the hashes of the pod and of the workload: an update restarts who has another one.
     """
-    found: dict[str, Any] = json.loads(json.dumps(item))
-    name = item["metadata"].get("labels", {}).get("rosops.fleet/app")
+    body: dict[str, Any] = json.loads(json.dumps(item))
+    api, kind, metadata = (body.pop(key) for key in ("apiVersion", "kind", "metadata"))
+    name = metadata["labels"].get("rosops.fleet/app")
     part = {"app.kubernetes.io/name": name, "rosops.fleet/app": name, "app.kubernetes.io/managed-by": "rosops.fleet"}
-    for metadata in (found["metadata"], found.get("spec", {}).get("template", {}).get("metadata", {})):
-        labels = metadata.get("labels", {})
-        if part.items() <= labels.items():
-            rest = [f"{key}={value}" for key, value in labels.items() if key not in part]
-            metadata["labels"] = ", ".join([f"of {name}", *rest])
-    if item["kind"] in ("Deployment", "DaemonSet") and name not in WHOLE:
-        found["spec"]["template"]["spec"] = TEMPLATE
-    if item["kind"] == "ConfigMap":
-        found["data"] = {name: TEMPLATE if name in OF_TEMPLATES else text for name, text in item["data"].items()}
-    return found
+    template = body.get("spec", {}).get("template", {"metadata": {}})
+    for one in (metadata, template["metadata"]):
+        if part.items() <= one.get("labels", {}).items():
+            rest = [f"{key}={value}" for key, value in one["labels"].items() if key not in part]
+            one["labels"] = ", ".join([f"of {name}", *rest])
+    if kind in ("Deployment", "DaemonSet") and name not in WHOLE:
+        template["spec"] = TEMPLATE
+    if kind == "ConfigMap":
+        body["data"] = {file: TEMPLATE if file in OF_TEMPLATES else text for file, text in item["data"].items()}
+    place = "/".join(filter(None, (metadata.pop("namespace", ""), metadata.pop("name"))))
+    labels = metadata.pop("labels")
+    head = f"{api} {kind} {place}" + (f", {labels}" if isinstance(labels, str) else "")
+    return {head: {**({} if isinstance(labels, str) else {"labels": labels}), **metadata, **body}}
 
 
 def main() -> None:

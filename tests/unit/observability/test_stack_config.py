@@ -187,11 +187,7 @@ def test_the_parts_of_a_log_files_path() -> None:
     path = "/var/log/pods/robot-robot1_talker-7d9f8b6c5d-x2x4z_0b1c-22/ros-app/0.log"
     match = re.fullmatch(PATH, path)
     assert match is not None
-    assert match.groupdict() == {
-        "namespace": "robot-robot1",
-        "pod": "talker-7d9f8b6c5d-x2x4z",
-        "container": "ros-app",
-    }
+    assert match.groupdict() == {"namespace": "robot-robot1", "pod": "talker-7d9f8b6c5d-x2x4z", "container": "ros-app"}
 
 
 def test_shipper_and_loki_agree_on_the_labels() -> None:

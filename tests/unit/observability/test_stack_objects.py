@@ -218,8 +218,7 @@ def test_a_robots_profile_needs_a_hub() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "where"),
-    [({}, {"deploymentType": "remote"}), (stack.SPECS["robot"], {"rosops.fleet/robot": "robot2"})],
+    ("spec", "where"), [({}, {"deploymentType": "remote"}), (stack.SPECS["robot"], {"rosops.fleet/robot": "robot2"})]
 )
 def test_where_it_runs(spec: dict[str, Any], where: dict[str, str]) -> None:
     found = [one for one in workloads(stack.built(spec)).values() if one["kind"] == "Deployment"]

@@ -175,11 +175,7 @@ def lines(facts: dict[str, Any], **requirements: Any) -> list[str]:
             "warning: firewalld is on; a k3s server needs 6443/tcp (API), 10250/tcp (kubelet), 8472/udp",
         ),
         (host(network__selinux=ENFORCING), {}, "warning: SELinux is enforcing, and k3s's policy is not there"),
-        (
-            host(network__lacking=["vxlan"]),
-            {},
-            "warning: the kernel has no module vxlan: flannel cannot connect",
-        ),
+        (host(network__lacking=["vxlan"]), {}, "warning: the kernel has no module vxlan: flannel cannot connect"),
         (host(network__lacking=["ip_set"]), {}, "warning: the kernel has no module ip_set: NetworkPolicies are not"),
         (host(routes=[CABLE, WIFI, CABLE6]), {}, "warning: there are default routes by eth0 and wlan0"),
     ],

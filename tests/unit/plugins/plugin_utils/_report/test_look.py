@@ -284,9 +284,4 @@ def test_rates_that_apps_promise() -> None:
     app = {"name": "base", "image": "a:1", "command": ["a"], "pattern": "pubsub", "readiness": {"topics": topics}}
     fused = {**app, "name": "fused", "readiness": {"topics": [{"name": "/scan", "min_rate": 10, "publishers": 2}]}}
     told = promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
-    assert told == {
-        "robot1": {
-            "/odom": Promise(18, "base", "robot1"),
-            "/scan": Promise(10, "fused", "robot1"),
-        }
-    }
+    assert told == {"robot1": {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}}
