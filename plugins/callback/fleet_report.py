@@ -173,21 +173,13 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         note_run(self.report.so_far(self.playbook, self._started()))
 
     @harmless
-    def v2_playbook_on_task_start(self, task: Any, is_conditional: bool) -> None:  # noqa: ARG002 - Ansible's signature
-        self._begin(task)
-
-    @harmless
-    def v2_playbook_on_handler_task_start(self, task: Any) -> None:
-        self._begin(task)
-
-    def _begin(self, task: Any) -> None:
+    def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
         self.silence.begins(name_of(task))
         for_all = task.run_once is True or task.any_errors_fatal is True
-        self.report.task(
-            identity(task),
-            TaskInfo(name_of(task), str(task.action), stage_of(task), for_all),
-            time.monotonic(),
-        )
+        info = TaskInfo(name_of(task), str(task.action), stage_of(task), for_all)
+        self.report.task(identity(task), info, time.monotonic())
+
+    v2_playbook_on_handler_task_start = v2_playbook_on_task_start
 
     def _host(self, result: Any) -> str:
         name = str(result.host.get_name())
@@ -207,7 +199,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     @harmless
     def v2_runner_on_skipped(self, result: Any) -> None:
-        self.report.skipped(identity(result.task), self._host(result), time.monotonic())
+        self.report.ran(identity(result.task), self._host(result), time.monotonic())
 
     @harmless
     def v2_runner_on_unreachable(self, result: Any) -> None:

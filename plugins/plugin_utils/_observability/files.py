@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...module_utils._common.errors import SpecError
 from .._model.finding import Problem
 from .dashboards import Dashboard, checked
 
@@ -19,20 +18,15 @@ FILES = Path(__file__).resolve().parents[3] / "roles" / "observability" / "files
 
 @dataclass(frozen=True)
 class Files:
-    """Texts by name; of dashboards by folder and name."""
+    """Texts by file; of dashboards by folder and file, whose name is good for an object."""
 
     rules: Mapping[str, str] = field(default_factory=dict)
-    loki_rules: Mapping[str, str] = field(default_factory=dict)
     dashboards: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def folder(path: Path, suffix: str) -> dict[str, str]:
-    """The files of one kind in a folder; nothing where that is missing."""
-    try:
-        found = sorted(path.glob(f"*{suffix}"))
-        return {file.name: file.read_text("utf-8") for file in found}
-    except (OSError, UnicodeDecodeError) as error:
-        raise SpecError(f"{path} cannot be read: {error}") from error
+    """The files of one kind in a folder of the role."""
+    return {file.name: file.read_text("utf-8") for file in sorted(path.glob(f"*{suffix}"))}
 
 
 def stack_files(paths: Sequence[str], base: str, default_dashboards: bool, root: Path = FILES) -> Files:
@@ -41,7 +35,7 @@ def stack_files(paths: Sequence[str], base: str, default_dashboards: bool, root:
     # theirs must not have the uid of one that is shown beside them
     beside = {str(root / "dashboards" / name): text for name, text in own.items()}
     theirs = {f"{one.name}.json": one.json for one in read_dashboards(paths, beside, base)} if paths else {}
-    return Files(folder(root / "rules", ".yml"), folder(root / "loki-rules", ".yml"), {"Fleet": own, "Own": theirs})
+    return Files(folder(root / "rules", ".yml"), {"Fleet": own, "Own": theirs})
 
 
 def read_dashboards(paths: Sequence[str], own: Mapping[str, str], base: str = "") -> list[Dashboard]:

@@ -95,11 +95,9 @@ def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, st
 
 def _parts(spec: Spec, files: Files, admin_version: str) -> dict[str, list[Object]]:
     """The objects of every part, whether it runs or not."""
-    boards = {
-        folder: [map_name(folder, file) for file in sorted(files.dashboards.get(folder, ()))] for folder in FOLDERS
-    }
-    pods = config("pods", spec, dashboards=boards, admin_version=admin_version)
-    configured = _maps(spec, files)
+    boards = {folder: sorted(files.dashboards.get(folder, ())) for folder in FOLDERS}
+    names = {folder: [_map_name(folder, file) for file in found] for folder, found in boards.items()}
+    pods, configured = config("pods", spec, dashboards=names, admin_version=admin_version), _maps(spec, files)
     return {name: list(_objects(name, spec, pods[name], configured.get(name, {}))) for name in runs(spec)}
 
 
@@ -107,24 +105,21 @@ def _maps(spec: Spec, files: Files) -> dict[str, Maps]:
     """The ConfigMaps of each part. Each dashboard is one of its own, which Grafana reads again by itself."""
     scraped = {"prometheus.yml": yaml_text(config("scrape", spec))}
     boards = {
-        map_name(folder, file): {file: text}
+        _map_name(folder, file): {file: text}
         for folder, found in files.dashboards.items()
         for file, text in sorted(found.items())
     }
     return {
         "prometheus": {"prometheus": scraped, "prometheus-rules": files.rules},
         "vmagent": {"vmagent": scraped},
-        "loki": {"loki": {"loki.yml": yaml_text(config("loki", spec))}, "loki-rules": files.loki_rules},
+        "loki": {"loki": {"loki.yml": yaml_text(config("loki", spec))}, "loki-rules": {}},
         "log-shipper": {"log-shipper": {"otelcol.yml": yaml_text(config("otelcol", spec))}},
         "grafana": {"grafana": {name: yaml_text(one) for name, one in config("grafana", spec).items()}, **boards},
     }
 
 
-def map_name(folder: str, file: str) -> str:
-    """A dashboard's ConfigMap: what a file's name may have and an object's may not becomes a dash."""
-    stem = file.rpartition(".")[0].lower()
-    letters = "".join(one if one.isascii() and one.isalnum() else "-" for one in stem)
-    return PREFIXES[folder] + (letters.strip("-") or "x")
+def _map_name(folder: str, file: str) -> str:
+    return PREFIXES[folder] + file.removesuffix(".json")
 
 
 def _claims(spec: Spec) -> dict[str, str]:
@@ -199,7 +194,8 @@ def _config(name: str, spec: Spec, pod: Object, maps: Maps) -> Any:
 
 def _workload(name: str, spec: Spec, pod: Object, configured: Any) -> Object:
     """The Deployment or DaemonSet of a part."""
-    kind, strategy = "Deployment", common.RECREATE_STRATEGY  # two on one claim would ruin what the other writes
+    kind = "Deployment"
+    strategy: Object = common.RECREATE_STRATEGY  # two on one claim would ruin what the other writes
     if name in ON_EVERY_HOST:
         pod["tolerations"] = [{"operator": "Exists"}]
         # A host that is off counts as unavailable: with fewer, it would keep the others at the old revision.

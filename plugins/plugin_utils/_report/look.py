@@ -119,16 +119,9 @@ class Member:
 
 def members(fleet: Fleet, addresses: Mapping[str, str], results: Mapping[str, Result]) -> list[Member]:
     """The hosts of a run, by their addresses; `results` are theirs of a task that ran on all of them."""
-    return [
-        Member(
-            name,
-            address,
-            fleet.hosts[name],
-            fleet.robots.get(name),
-            message_of(results[name]) if results.get(name, {}).get("unreachable") else None,
-        )
-        for name, address in addresses.items()
-    ]
+    away = {name: message_of(result) for name, result in results.items() if result.get("unreachable")}
+    robots = {name: fleet.robots.get(name) for name in addresses}
+    return [Member(name, at, fleet.hosts[name], robots[name], away.get(name)) for name, at in addresses.items()]
 
 
 def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]]:
@@ -150,14 +143,10 @@ def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list
     """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
     servers = {server for host in hosts for server in host.part.servers}
     by_cluster = {host.part.cluster: host.name for host in hosts if host.name in servers}
+    look = "ansible {} -b -a 'systemctl status k3s'"
     return [
-        Trouble(
-            f"cluster {cluster}",
-            f"does not answer: {why}",
-            f"ansible {by_cluster.get(cluster, cluster)} -b -a 'systemctl status k3s'",
-            cluster=cluster,
-        )
-        for cluster, why in silent.items()
+        Trouble(f"cluster {name}", f"does not answer: {why}", look.format(by_cluster.get(name, name)), cluster=name)
+        for name, why in silent.items()
     ]
 
 
@@ -185,10 +174,7 @@ def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Promise]]:
     """What apps' readiness says of topics' rates, by graph and topic."""
     found: dict[str, dict[str, Promise]] = {}
     for host in hosts:
-        robot = host.robot
-        if robot is None:
-            continue
-        for topic, app, said in promised(robot):
+        for topic, app, said in promised(host.robot) if host.robot else ():
             if rate := said.get("min_rate"):
                 owner = host.name if app.scope == "robot" else SHARED
                 found.setdefault(host.graph, {})[topic] = Promise(rate, app.name, owner)
@@ -206,15 +192,10 @@ def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
 
 def unmeasured(results: Mapping[str, Result]) -> list[Trouble]:
     """Hosts whose volumes took longer to measure than `timeout` gave them: what is known of them is not all."""
-    return [
-        Trouble(
-            f"volumes of {host}",
-            "measuring what they hold took too long; some have no number",
-            "ansible-playbook rosops.fleet.status -e status_storage_seconds=120",
-        )
-        for host, result in results.items()
-        if result.get("rc") in TIMED_OUT
-    ]
+    what = "measuring what they hold took too long; some have no number"
+    todo = "ansible-playbook rosops.fleet.status -e status_storage_seconds=120"
+    slow = [host for host, result in results.items() if result.get("rc") in TIMED_OUT]
+    return [Trouble(f"volumes of {host}", what, todo) for host in slow]
 
 
 def usage_of(results: Iterable[Result]) -> dict[str, int]:

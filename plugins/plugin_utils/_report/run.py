@@ -224,7 +224,7 @@ class RunReport:
         task.begun, task.ended = now, now
 
     def ok(self, key: str, host: str, result: Result, now: float) -> None:
-        task = self._note(key, host, now)
+        task = self.ran(key, host, now)
         if result.get("changed") and task:
             task.changed.add(host)
             changed = self.host(host).changed
@@ -233,7 +233,7 @@ class RunReport:
         self._learn(task, host, result)
 
     def failed(self, key: str, host: str, result: Result, now: float, ignored: bool = False) -> None:
-        task = self._note(key, host, now)
+        task = self.ran(key, host, now)
         self._learn(task, host, result)
         if ignored:
             return
@@ -246,11 +246,8 @@ class RunReport:
                 if other != host:
                     self.host(other).blocked.append((host, f"not carried on: {name} failed on {host} for all hosts"))
 
-    def skipped(self, key: str, host: str, now: float) -> None:
-        self._note(key, host, now)
-
     def unreachable(self, key: str, host: str, result: Result, now: float) -> None:
-        self._note(key, host, now)
+        self.ran(key, host, now)
         self.host(host).unreachable = results.message_of(result)
 
     def cut_short(self) -> None:
@@ -264,7 +261,8 @@ class RunReport:
             for other in self._hosts.keys() - there.keys():
                 self._hosts[other].blocked.append((name, f"not carried on: the run ended on {name}: {how}: {why}"))
 
-    def _note(self, key: str, host: str, now: float) -> _Task | None:
+    def ran(self, key: str, host: str, now: float) -> _Task | None:
+        """It did something for the host, or was skipped."""
         task = self._tasks.get(key)
         self.host(host)
         if task:

