@@ -80,11 +80,6 @@ def test_prometheus_reads_it(tmp_path: Path, profile: str) -> None:
     accepted(tmp_path, text, "promtool", "check", "config", "--syntax-only", "FILE")
 
 
-@pytest.mark.parametrize("name", ["prometheus-rules/ros.yml", "prometheus-rules/recording.yml"])
-def test_promtool_reads_the_rules(tmp_path: Path, name: str) -> None:
-    accepted(tmp_path, rendered("standalone")[name], "promtool", "check", "rules", "FILE")
-
-
 def test_promtool_finds_nothing_amiss_in_the_apps_own_metrics() -> None:
     metrics = Metrics("service", "/add_two_ints")
     metrics.answered(0.002)

@@ -45,23 +45,18 @@ class _Plain(yaml.SafeDumper):
         return True
 
 
-def _environment() -> Environment:
-    """What stands in `{{ }}` becomes one value, written as JSON, which is YAML, too; what a macro makes stays."""
-    made = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        finalize=lambda value: value if isinstance(value, Markup) else Markup(json.dumps(value)),  # noqa: S704 - no markup
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    # without a dollar, which the collector's own file takes for a variable's beginning
-    made.filters["anchored"] = lambda regex: rf"\A{regex}\z"
-    made.filters["numbered"] = lambda regex: re.sub(r"\(\?P<\w+>", "(", regex)  # its groups
-    return made
-
-
-ENVIRONMENT = _environment()
+# What stands in `{{ }}` becomes one value, written as JSON, which is YAML, too; what a macro makes stays.
+ENVIRONMENT = Environment(
+    loader=FileSystemLoader(Path(__file__).parent),
+    autoescape=True,
+    undefined=StrictUndefined,
+    finalize=lambda value: value if isinstance(value, Markup) else Markup(json.dumps(value)),  # noqa: S704 - no markup
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+# without a dollar, which the collector's own file takes for a variable's beginning
+ENVIRONMENT.filters["anchored"] = lambda regex: rf"\A{regex}\z"
+ENVIRONMENT.filters["numbered"] = lambda regex: re.sub(r"\(\?P<\w+>", "(", regex)  # its groups
 
 
 def config(template: str, spec: Spec, **more: Any) -> Config:

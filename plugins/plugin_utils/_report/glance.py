@@ -108,17 +108,11 @@ def hosts_away(status: Status) -> frozenset[str]:
     return frozenset(row.name for row in status.hosts if not row.reachable)
 
 
-# What is counted: its words, where it comes from, and the word for one that is in order.
-_COUNTED = (
-    ("Hosts", "hosts", "up"),
-    ("Nodes", "nodes", "ready"),
-    ("ROS masters", "masters", "ready"),
-    ("Helpers", "helpers", "ready"),
-    ("Apps", "apps", "ready"),
-    ("ROS nodes", "ros_nodes", "up"),
-    ("Claims", "claims", "in order"),
-    ("Last outcomes", "outcomes", "good"),
-)
+# What is counted, and the word for one that is in order.
+_COUNTED = {
+    "hosts": "up", "nodes": "ready", "masters": "ready", "helpers": "ready", "apps": "ready", "ros_nodes": "up",
+    "claims": "in order", "outcomes": "good",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -128,7 +122,6 @@ class Count:
     `untold` are hosts of which not even the number is known: no total has them.
     """
 
-    label: str
     section: str
     word: str
     good: int
@@ -151,18 +144,18 @@ class Count:
 
 def counts(status: Status) -> list[Count]:
     """Of everything of which there is something, or may be."""
-    found = [_count(label, section, word, status) for label, section, word in _COUNTED]
+    found = [_count(section, word, status) for section, word in _COUNTED.items()]
     return [count for count in found if count.total or count.untold]
 
 
-def _count(label: str, section: str, word: str, status: Status) -> Count:
+def _count(section: str, word: str, status: Status) -> Count:
     found, off, away = status.rows(section), hosts_off(status), hosts_away(status)
     levels = [level(row, off) for row in found]
     unknown = [row for row in found if is_unknown(row, away)]
     of = tuple(sorted(set(map(_whose, unknown))))
     untold = tuple(sorted(_untold(section, status, away)))
     worst = _worst(levels, WARN if unknown or untold else OK)
-    return Count(label, section, word, levels.count(OK), len(found), len(unknown), of, untold, worst)
+    return Count(section, word, levels.count(OK), len(found), len(unknown), of, untold, worst)
 
 
 def _worst(levels: Collection[str], else_: str = OK) -> str:

@@ -108,17 +108,13 @@ def _node(node: Object) -> rows.Node:
         roles=tuple(sorted(key[len(ROLE_LABEL) :] for key in labels if key.startswith(ROLE_LABEL))),
         placement=labels.get(names.LABEL_PLACEMENT, ""),
         robot=labels.get(names.LABEL_ROBOT, ""),
-        labels=_chosen(labels),
+        labels={key: value for key, value in sorted(labels.items()) if _is_chosen(key)},
     )
 
 
-def _chosen(labels: Mapping[str, str]) -> dict[str, str]:
-    own = {names.LABEL_PLACEMENT, names.LABEL_ROBOT}
-    return {
-        key: value
-        for key, value in sorted(labels.items())
-        if key not in own and not any(key.partition("/")[0].endswith(one) for one in BUILT_IN_LABELS)
-    }
+def _is_chosen(label: str) -> bool:
+    own = label in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)
+    return not own and not label.partition("/")[0].endswith(BUILT_IN_LABELS)
 
 
 def _run_by(node: rows.Node, workloads: Iterable[rows.Workload]) -> list[str]:

@@ -22,7 +22,7 @@ from markupsafe import Markup
 from .attention import attention
 from .glance import counts, host_level, hosts_off, level, share
 from .rows import Host, Row, Status, Topic
-from .text import SECTIONS, Columns, columns, grid, rate_words, when, words
+from .text import SECTIONS, TITLES, Columns, columns, grid, rate_words, when, words
 
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
 LONG = 28  # characters of a word from which it may be broken anywhere
@@ -83,6 +83,7 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
         limit=limit,
         title=f"{words(name)}: fleet status" if name else "Fleet status",
         counts=counts(status),
+        titles=TITLES,
         attention=attention(status),
         hosts=_section("glance", "By host", host_columns(status), hosts, [host_level(status, one) for one in hosts]),
         sections=sections,

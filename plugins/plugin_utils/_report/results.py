@@ -60,23 +60,18 @@ def ready_of(action: str, result: Result) -> Ready | None:
     if action not in ("ros_ready", "_robot_update") or "verdict" not in result:
         return None
     checks, words = result.get("checks") or (), "{kind} {name}: {reason}".format_map
-    return Ready(str(result["verdict"]), _seconds(result), len(checks), tuple(map(words, _unmet(checks))))
+    return Ready(str(result["verdict"]), result.get("elapsed"), len(checks), tuple(map(words, _unmet(checks))))
 
 
 def rollout_of(action: str, result: Result) -> Rollout | None:
     if action != "rollout_ready" or "objects" not in result:
         return None
     words = "{kind} {namespace}/{name}: {reason}".format_map
-    return Rollout(_seconds(result), len(result["objects"]), tuple(map(words, _unmet(result["objects"]))))
+    return Rollout(result.get("elapsed"), len(result["objects"]), tuple(map(words, _unmet(result["objects"]))))
 
 
 def _unmet(judged: Sequence[Result]) -> Iterator[Result]:
     return (one for one in judged if one["verdict"] != "pass")
-
-
-def _seconds(result: Result) -> float | None:
-    elapsed = result.get("elapsed")
-    return elapsed if isinstance(elapsed, (int, float)) else None
 
 
 def outcome_of(action: str, result: Result) -> RobotOutcome | None:

@@ -106,6 +106,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
+TITLES = {key: title for title, key, _columns in SECTIONS}
 # columns that go when nobody has anything in them
 OPTIONAL = frozenset({"note", "other labels", "promised", "not connected"})
 # Sections that are worth a line only when there is something in them.
@@ -198,10 +199,10 @@ def summary_text(status: Status, now: str, name: str = "") -> str:
         lines += _finding(finding, now)
     lines += ["  nothing"] if not findings else []
     found = counts(status)
-    size = max((len(count.label) for count in found), default=0)
+    labels = [title if (title := TITLES[count.section])[:3] == "ROS" else title.lower() for count in found]
+    size = max(map(len, labels), default=0)
     lines += ["", "SUMMARY"]
-    lines += [f"  {count.label.lower() if count.label[:3] != 'ROS' else count.label:<{size}}  {words(count.words)}"
-              for count in found] or ["  nothing was found"]  # fmt: skip
+    lines += [f"  {label:<{size}}  {words(one.words)}" for label, one in zip(labels, found)] or ["  nothing was found"]
     return "\n".join(lines) + "\n"
 
 

@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named,
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
 TEMPLATE = "as its template has it"
-WHOLE = ("grafana", "node-exporter")  # workloads that are shown with their pods, one of each kind
+WHOLE = "node-exporter"  # the workload that is shown with its pod, for what all pods have in common
 OF_TEMPLATES = {"prometheus.yml", "loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
@@ -67,7 +67,7 @@ def shown(item: dict[str, Any]) -> dict[str, Any]:
         if part.items() <= one.get("labels", {}).items():
             rest = [f"{key}={value}" for key, value in one["labels"].items() if key not in part]
             one["labels"] = ", ".join([f"of {name}", *rest])
-    if kind in ("Deployment", "DaemonSet") and name not in WHOLE:
+    if kind in ("Deployment", "DaemonSet") and name != WHOLE:
         template["spec"] = TEMPLATE
     if kind == "ConfigMap":
         body["data"] = {file: TEMPLATE if file in OF_TEMPLATES else text for file, text in item["data"].items()}

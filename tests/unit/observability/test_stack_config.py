@@ -221,12 +221,6 @@ def test_the_collector_loses_nothing() -> None:
     assert receiver["start_at"] == "beginning"
 
 
-def test_the_collector_does_not_tell_when_it_read_a_line() -> None:
-    """Loki would keep that with each line: no two would be alike in labels, and one that is read twice would be two."""
-    [statements] = config("otelcol", full({}))["processors"]["transform"]["log_statements"]
-    assert statements == {"context": "log", "statements": ["set(log.observed_time_unix_nano, 0)"]}
-
-
 def test_a_robots_own_cluster_names_the_robot() -> None:
     operators = config("otelcol", full(ROBOT))["receivers"]["filelog"]["operators"]
     assert {"type": "add", "field": "resource.robot", "value": "robot2"} in operators

@@ -161,11 +161,13 @@ def test_no_sub_path_so_that_changes_arrive() -> None:
         assert "subPath" not in json.dumps(stack.built(spec))
 
 
-def test_without_rules_and_dashboards() -> None:
-    objects = observability.stack_objects(full({}), Files())
-    assert find(objects, "ConfigMap", "prometheus-rules")["data"] == {}
-    volumes = {one["name"]: one for one in pod_of(objects, "Deployment", "grafana")["volumes"]}
-    assert volumes["dashboards-fleet"] == {"name": "dashboards-fleet", "emptyDir": {}}
+def test_dashboards_are_mounted_and_none_is_an_empty_directory() -> None:
+    none, own = (observability.stack_objects(full({}), files) for files in (Files(), stack.FILES))
+    assert find(none, "ConfigMap", "prometheus-rules")["data"] == {}
+    sources = [{"configMap": {"name": "dashboard-fleet"}}]
+    for objects, volume in ((none, {"emptyDir": {}}), (own, {"projected": {"sources": sources}})):
+        volumes = {one["name"]: one for one in pod_of(objects, "Deployment", "grafana")["volumes"]}
+        assert volumes["dashboards-fleet"] == {"name": "dashboards-fleet", **volume}
 
 
 def test_default_dashboards_can_be_left_out() -> None:
@@ -223,7 +225,9 @@ def test_open_ports_and_who_may_reach_them() -> None:
         one["metadata"]["name"]: one["spec"]["ports"][0].get("nodePort") for one in hub if one["kind"] == "Service"
     }
     assert ports == {"prometheus": 30090, "loki": 30100, "grafana": 30300}
-    assert not [one for one in plain if one["kind"] == "NetworkPolicy"]
+    assert "NetworkPolicy" not in dict(keys(plain))
+    allowed = observability.stack_objects(full({"allowed_networks": ["192.0.2.0/24"]}), Files())
+    assert [name for kind, name in keys(allowed) if kind == "NetworkPolicy"] == ["grafana"]  # the others are not open
     policies = {one["metadata"]["name"]: one["spec"] for one in hub if one["kind"] == "NetworkPolicy"}
     assert set(policies) == set(ports)
     for spec in policies.values():

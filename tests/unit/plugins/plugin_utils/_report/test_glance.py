@@ -87,9 +87,9 @@ def test_what_is_unknown_is_not_green() -> None:
 def test_a_graph_that_could_not_be_read_is_unknown_and_so_is_a_cluster() -> None:
     alone = {**OFF, "cluster": "robot2", "role": "server"}
     problems = [{"where": "a", "what": "b", "graph": "robot1"}, {"where": "c", "what": "d", "cluster": "robot2"}]
-    found = {count.label: count.words for count in counts(status(hosts=[UP, alone], problems=problems))}
-    assert found["ROS nodes"] == "robot1, robot2 unknown"
-    assert found["Apps"] == found["Nodes"] == "robot2 unknown"
+    found = {count.section: count.words for count in counts(status(hosts=[UP, alone], problems=problems))}
+    assert found["ros_nodes"] == "robot1, robot2 unknown"
+    assert found["apps"] == found["nodes"] == "robot2 unknown"
 
 
 def test_a_shared_graph_is_that_of_all_robots() -> None:

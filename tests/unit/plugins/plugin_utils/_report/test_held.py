@@ -36,8 +36,8 @@ def test_masters_helpers_and_apps() -> None:
     status = fleet_status({"hosts": HOSTS, "deployments": [workload(name) for name in names]})
     assert [row.name for row in status.apps] == ["sensor"]
     assert [row.name for row in status.helpers] == ["ros-exporter", "ros-keeper"]
-    told = {count.label: count.words for count in counts(status)}
-    assert (told["Apps"], told["Helpers"]) == ("1 of 1 ready", "2 of 2 ready")
+    told = {count.section: count.words for count in counts(status)}
+    assert (told["apps"], told["helpers"]) == ("1 of 1 ready", "2 of 2 ready")
 
 
 def test_an_app_of_the_whole_fleet() -> None:
