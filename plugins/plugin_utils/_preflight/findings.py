@@ -371,19 +371,9 @@ def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
 
 
 CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (
-    _platform,
-    _cgroups,
-    _cgroup_version,
-    _memory,
-    _disk,
-    _clock,
-    _network,
-    _pods_network,
-    _ports,
-    _reachable,
-    _name,
+    _platform, _cgroups, _cgroup_version, _memory, _disk, _clock, _network, _pods_network, _ports, _reachable, _name,
     _leftovers,
-)
+)  # fmt: skip
 
 
 def judge(fleet: Mapping[str, Result], host: str, requirements: Requirements) -> list[Finding]:

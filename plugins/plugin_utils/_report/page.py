@@ -32,7 +32,7 @@ NUMBERS = frozenset({
 })  # fmt: skip
 NAMES = frozenset({"app", "helper", "node", "topic", "claim", "step"})
 # What a terminal has no room for.
-MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
+MORE_COLUMNS: Mapping[str, Columns] = {"steps": columns(("phases, s", "phases"), "id")}
 _MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
 # control characters, halves of surrogate pairs, and the two that are no characters at all
 _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
+from operator import attrgetter
 from typing import Any
 
 from ...module_utils._common.printable import printable
@@ -22,8 +23,7 @@ NARROWEST_WRAPPED = 40  # what is read line by line
 UNCUT = 10_000
 TABLES = "All tables: the same with -v."
 WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
-Source = str | Callable[[Any], object]  # of a cell: a field of the row, or a function of it
-Columns = Sequence[tuple[str, Source]]  # with their headers
+Columns = Sequence[tuple[str, Callable[[Any], object]]]  # headers, and what makes a cell of a row
 
 
 def size_words(count: int | None) -> str:
@@ -56,9 +56,10 @@ WORKLOAD = (
 )  # fmt: skip
 
 
-def columns(*items: str | tuple[str, Source]) -> Columns:
-    """A word alone is the header and the field."""
-    return [(item, item) if isinstance(item, str) else item for item in items]
+def columns(*items: str | tuple[str, str | Callable[[Any], object]]) -> Columns:
+    """A word alone is the header and the field of the row."""
+    pairs = [(item, item) if isinstance(item, str) else item for item in items]
+    return [(header, attrgetter(of) if isinstance(of, str) else of) for header, of in pairs]
 
 
 # Title, section, columns.
@@ -136,10 +137,7 @@ def _fit(widths: list[int], room: int) -> list[int]:
     """Take from the widest column until all fit."""
     fitted = list(widths)
     while sum(fitted) > room and max(fitted) > NARROWEST:
-        widest = fitted.index(max(fitted))
-        rest = sorted(fitted)[-2] if len(fitted) > 1 else 0
-        spare = sum(fitted) - room
-        fitted[widest] = max(NARROWEST, min(fitted[widest] - 1, max(rest, fitted[widest] - spare)))
+        fitted[fitted.index(max(fitted))] -= 1
     return fitted
 
 
@@ -162,18 +160,11 @@ def _wrapped(row: Sequence[str], width: int) -> list[list[str]]:
     return [[*row[:-1], first], *([*("" for _cell in row[:-1]), line] for line in more)]
 
 
-def _cell(row: Row, source: Source) -> object:
-    return source(row) if callable(source) else getattr(row, source)
-
-
 def grid(columns: Columns, rows: Sequence[Row]) -> tuple[list[str], list[list[object]]]:
     """Headers and cells of the columns that are shown; the same for every rendering."""
-    shown = [
-        (header, source)
-        for header, source in columns
-        if header not in OPTIONAL or any(_cell(row, source) for row in rows)
-    ]
-    return [header for header, _source in shown], [[_cell(row, source) for _header, source in shown] for row in rows]
+    cells = {header: [source(row) for row in rows] for header, source in columns}
+    shown = {header: found for header, found in cells.items() if header not in OPTIONAL or any(found)}
+    return list(shown), [list(line) for line in zip(*shown.values())]
 
 
 def status_text(status: Status, width: int = WIDTH) -> str:

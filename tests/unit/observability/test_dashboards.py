@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import LARGEST, checked
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import read_dashboards
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import LARGEST, checked, read_dashboards
 
 
 def page(uid: Any = "arm", title: Any = "Arm", **more: Any) -> str:

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.configs import config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import checked
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 from dashboards import build
 from dashboards.lint import fleet_findings, logql_findings, page_findings, promql_findings
@@ -71,7 +71,7 @@ def test_a_dashboard_keeps_to_our_rules(page: dict[str, Any]) -> None:
 def test_the_dashboards_together_keep_to_our_rules_and_those_for_the_users() -> None:
     assert list(fleet_findings(pages())) == []
     files = [(path.name, path.read_text("utf-8")) for path in sorted((FILES / "dashboards").glob("*.json"))]
-    assert {one.name for one in _dashboards.checked(files)} == {f"rosops-{name}" for name in NAMES}
+    assert {one.name for one in checked(files)} == {f"rosops-{name}" for name in NAMES}
 
 
 @pytest.mark.parametrize("query", [q for q in QUERIES if q.language == "promql"], ids=lambda query: str(query.where))

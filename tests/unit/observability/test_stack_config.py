@@ -222,7 +222,9 @@ def test_the_collector_loses_nothing() -> None:
 
 
 def test_a_robots_own_cluster_names_the_robot() -> None:
-    operators = config("otelcol", full(ROBOT))["receivers"]["filelog"]["operators"]
+    made = config("otelcol", full(ROBOT))
+    assert made["exporters"]["otlphttp"]["logs_endpoint"] == "http://192.0.2.10:30100/otlp/v1/logs"
+    operators = made["receivers"]["filelog"]["operators"]
     assert {"type": "add", "field": "resource.robot", "value": "robot2"} in operators
 
 
