@@ -75,7 +75,7 @@ from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, U
 from ..plugin_utils._report.files import placed, write
 from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
-from ..plugin_utils._report.run import Report, RunReport, TaskInfo, screen, word_of
+from ..plugin_utils._report.run import Report, RunReport, Task, screen, word_of
 from ..plugin_utils._report.silence import LOOK, Silence
 from ..plugin_utils._update.standing import Standing
 from ..plugin_utils._update.ticker import ticking
@@ -176,7 +176,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
         self.silence.begins(name_of(task))
         for_all = task.run_once is True or task.any_errors_fatal is True
-        info = TaskInfo(name_of(task), str(task.action), stage_of(task), for_all)
+        info = Task(name_of(task), str(task.action), stage_of(task), for_all)
         self.report.task(identity(task), info, time.monotonic())
 
     v2_playbook_on_handler_task_start = v2_playbook_on_task_start

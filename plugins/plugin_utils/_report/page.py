@@ -72,8 +72,8 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)
     sections = [
-        _section(key, title, shown, found, [level(row, off) for row in found])
-        for title, key, shown in SECTIONS
+        _section(key, TITLES[key], shown, found, [level(row, off) for row in found])
+        for _title, key, shown in SECTIONS
         for found in [status.rows(key)]
         if key != "problems"
     ]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
 
 from ...module_utils._common.documents import Data
 from .._model import outcomes
@@ -34,14 +35,6 @@ Api = Mapping[str, str]  # of a cluster: its `host`, and the `source` of the acc
 
 
 @dataclass(frozen=True)
-class Spent:
-    """How long a play or a stage took, in seconds."""
-
-    name: str
-    seconds: float
-
-
-@dataclass(frozen=True)
 class HostReport:
     """`changed` are names of tasks, `counts` Ansible's own."""
 
@@ -50,8 +43,8 @@ class HostReport:
     outcome: RobotOutcome
     failed_task: str | None
     changed: tuple[str, ...]
-    ready: results.Ready | None
-    rollout: results.Rollout | None
+    ready: Data | None
+    rollout: Data | None
     counts: Counts
 
     def as_dict(self) -> Data:
@@ -66,12 +59,16 @@ class HostReport:
         """The last verdict on the ROS graph, in words."""
         if self.ready is None:
             return ""
-        return self.ready.verdict + ("" if self.ready.elapsed is None else f" {self.ready.elapsed:.1f} s")
+        elapsed = self.ready["elapsed"]
+        return f"{self.ready['verdict']}" + ("" if elapsed is None else f" {elapsed:.1f} s")
 
 
 @dataclass(frozen=True)
 class Report:
-    """Times are in seconds, but for `started`, which is in UTC; `outcomes` are how many of each, `tasks` how many."""
+    """Times are in seconds, but for `started`, which is in UTC; `outcomes` are how many of each, `tasks` how many.
+
+    A play or a stage is `{name, seconds}`.
+    """
 
     playbook: str
     check_mode: bool
@@ -79,8 +76,8 @@ class Report:
     elapsed: float
     outcomes: Mapping[str, int]
     hosts: tuple[HostReport, ...]
-    plays: tuple[Spent, ...]
-    stages: tuple[Spent, ...]
+    plays: tuple[Data, ...]
+    stages: tuple[Data, ...]
     slowest_tasks: tuple[Data, ...]
     tasks: int
     apis: Mapping[str, Api]
@@ -102,42 +99,28 @@ def screen(report: Report, width: int = 120) -> list[str]:
         for host, word in zip(report.hosts, words)
     ]
     lines = table(HEADERS, rows, width, wrapped=True) if rows else ["no host took part"]
-    slow = sorted(report.stages, key=lambda stage: stage.seconds, reverse=True)[:STAGES_SHOWN]
-    spent = ", ".join(f"{stage.name} {stage.seconds:.1f} s" for stage in slow if stage.seconds >= 0.1)
+    slow = sorted(report.stages, key=itemgetter("seconds"), reverse=True)[:STAGES_SHOWN]
+    spent = ", ".join(f"{one['name']} {one['seconds']:.1f} s" for one in slow if one["seconds"] >= 0.1)
     return [*lines, f"{report.elapsed:.1f} s" + (f": {spent}" if spent else "")]
 
 
 # ---- what happens
 
 
-@dataclass(frozen=True)
-class TaskInfo:
-    """What is known of a task before it runs. `for_all`: its failure ends the play for every host."""
+@dataclass
+class Task:
+    """The callback knows its name, its action, its stage (a role), and whether its failure ends the play `for_all`."""
 
     name: str
     action: str
     stage: str = ""
     for_all: bool = False
-
-
-@dataclass
-class _Task:
-    info: TaskInfo
-    play: str
+    play: str = ""
     seconds: float = 0.0
     hosts: set[str] = field(default_factory=set)
     changed: set[str] = field(default_factory=set)
     begun: float | None = None
     ended: float = 0.0
-
-    @property
-    def action(self) -> str:
-        """Without its collection."""
-        return self.info.action.rpartition(".")[2]
-
-    @property
-    def stage(self) -> str:
-        return self.info.stage or self.play
 
     def close(self) -> None:
         """Add what has passed since it began; a task begins once per batch of hosts."""
@@ -147,7 +130,7 @@ class _Task:
 
     def row(self) -> Data:
         """As the report has it: `hosts` and `changed` are how many."""
-        where = {"name": self.info.name, "action": self.action, "play": self.play, "stage": self.stage}
+        where = {"name": self.name, "action": self.action, "play": self.play, "stage": self.stage}
         return {**where, "seconds": round(self.seconds, 3), "hosts": len(self.hosts), "changed": len(self.changed)}
 
 
@@ -158,8 +141,8 @@ class _Host:
     failure: str | None = None  # what was said of it
     failed_task: str = ""
     unreachable: str = ""
-    ready: results.Ready | None = None
-    rollout: results.Rollout | None = None
+    ready: Data | None = None
+    rollout: Data | None = None
     declared: RobotOutcome | None = None
     blocked: list[tuple[str, str]] = field(default_factory=list)  # host that ended the run for this one, and how
 
@@ -200,7 +183,7 @@ class RunReport:
     def __init__(self, now: float = 0.0) -> None:
         self._begun = now
         self._plays: list[_Play] = []
-        self._tasks: dict[str, _Task] = {}
+        self._tasks: dict[str, Task] = {}
         self._hosts: dict[str, _Host] = {}
         self._apis: dict[str, Api] = {}
 
@@ -216,11 +199,13 @@ class RunReport:
         for host in self._plays[-1].hosts:
             self.host(host)
 
-    def task(self, key: str, info: TaskInfo, now: float) -> None:
+    def task(self, key: str, new: Task, now: float) -> None:
+        """It begins, be it for a further batch of hosts."""
         for task in self._tasks.values():
             task.close()
-        play = self._plays[-1].name if self._plays else ""
-        task = self._tasks.setdefault(key, _Task(info, play))
+        new.play = self._plays[-1].name if self._plays else ""
+        new.stage, new.action = new.stage or new.play, new.action.rpartition(".")[2]
+        task = self._tasks.setdefault(key, new)
         task.begun, task.ended = now, now
 
     def ok(self, key: str, host: str, result: Result, now: float) -> None:
@@ -228,8 +213,8 @@ class RunReport:
         if result.get("changed") and task:
             task.changed.add(host)
             changed = self.host(host).changed
-            if task.info.name not in changed and len(changed) < CHANGED_KEPT:
-                changed.append(task.info.name)
+            if task.name not in changed and len(changed) < CHANGED_KEPT:
+                changed.append(task.name)
         self._learn(task, host, result)
 
     def failed(self, key: str, host: str, result: Result, now: float, ignored: bool = False) -> None:
@@ -238,10 +223,10 @@ class RunReport:
         if ignored:
             return
         # what makes a host leave the run says nothing of what became of it
-        name = task.info.name if task and task.action != "_leave" else ""
+        name = task.name if task and task.action != "_leave" else ""
         own = self.host(host)
         own.failure, own.failed_task = results.message_of(result), name
-        if task and task.info.for_all and self._plays:
+        if task and task.for_all and self._plays:
             for other in self._plays[-1].hosts:
                 if other != host:
                     self.host(other).blocked.append((host, f"not carried on: {name} failed on {host} for all hosts"))
@@ -261,7 +246,7 @@ class RunReport:
             for other in self._hosts.keys() - there.keys():
                 self._hosts[other].blocked.append((name, f"not carried on: the run ended on {name}: {how}: {why}"))
 
-    def ran(self, key: str, host: str, now: float) -> _Task | None:
+    def ran(self, key: str, host: str, now: float) -> Task | None:
         """It did something for the host, or was skipped."""
         task = self._tasks.get(key)
         self.host(host)
@@ -270,7 +255,7 @@ class RunReport:
             task.ended = now
         return task
 
-    def _learn(self, task: _Task | None, name: str, result: Result) -> None:
+    def _learn(self, task: Task | None, name: str, result: Result) -> None:
         action, host = task.action if task else "", self.host(name)
         host.declared = results.outcome_of(action, result) or host.declared
         host.ready = results.ready_of(action, result) or host.ready
@@ -302,7 +287,7 @@ class RunReport:
             round(now - self._begun, 3),
             {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
             hosts,
-            tuple(Spent(play.name, round(play.ended - play.begun, 3)) for play in self._plays),
+            tuple({"name": one.name, "seconds": round(one.ended - one.begun, 3)} for one in self._plays),
             self._stages(),
             tuple(task.row() for task in slowest),
             len(self._tasks),
@@ -327,8 +312,8 @@ class RunReport:
             lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, host.failed_task)
         return Noted(playbook, started, here, lost)
 
-    def _stages(self) -> tuple[Spent, ...]:
+    def _stages(self) -> tuple[Data, ...]:
         stages: dict[str, float] = {}
         for task in self._tasks.values():
             stages[task.stage] = stages.get(task.stage, 0.0) + task.seconds
-        return tuple(Spent(name, round(seconds, 3)) for name, seconds in stages.items())
+        return tuple({"name": name, "seconds": round(seconds, 3)} for name, seconds in stages.items())
