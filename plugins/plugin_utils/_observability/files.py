@@ -90,7 +90,7 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
             problems += found
             if not found:
                 good[path] = _dashboard(page)
-    problems += [*_sizes(good), *_clashes(good)]
+    problems += _clashes(good)
     if problems:
         lines = "".join(f"\n  {problem.line()}" for problem in problems)
         raise SpecError(f"dashboards that Grafana cannot take:{lines}", errors=[p.as_dict() for p in problems])
@@ -147,16 +147,13 @@ def _object_name(uid: str) -> str:
     return name or "dashboard"
 
 
-def _sizes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
+def _clashes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
+    """With what a ConfigMap holds, and with one another."""
+    first: dict[tuple[str, str], str] = {}
     for path, dashboard in good.items():
         size = len(f"{dashboard.name}.json") + len(dashboard.json.encode())
         if size > LARGEST:
             yield Problem(path, f"is {size} bytes without its spaces", f"{LARGEST}, all that a ConfigMap holds")
-
-
-def _clashes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
-    first: dict[tuple[str, str], str] = {}
-    for path, dashboard in good.items():
         same_uid = first.setdefault(("uid", dashboard.uid), path)
         if same_uid != path:
             yield Problem(f"{path}: uid", f"'{dashboard.uid}' is the uid of {same_uid}, too", "a uid of its own")

@@ -67,48 +67,36 @@ def findings(facts: Result, requirements: Requirements) -> list[Finding]:
     return [finding for check in CHECKS for finding in check(facts, requirements)]
 
 
-def fleet_findings(name: str, fleet: Mapping[str, Result]) -> list[Finding]:
+def fleet_findings(name: str, fleet: Mapping[str, Result]) -> Iterable[Finding]:
     """What is wrong with one host only because of another one: the same name, a different MTU."""
-    mine = fleet[name]
+    mine, order = fleet[name], list(fleet)
     others = {host: facts for host, facts in fleet.items() if host != name}
-    found = []
-    if twins := [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]:
+    twins = [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]
+    if twins:
         # The one that comes first keeps the name and goes on: a copied SD card must not stop the fleet's server.
-        first = list(fleet).index(name) < min(list(fleet).index(twin) for twin in twins)
-        found.append(
-            (warning if first else error)(
-                f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
-                "uname -n",
-                "give every host its own name: hostnamectl set-hostname NAME",
-            )
+        first = order.index(name) < min(map(order.index, twins))
+        yield (warning if first else error)(
+            f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
+            "uname -n",
+            "give every host its own name: hostnamectl set-hostname NAME",
         )
-    if mine["machine_id"] and (
-        twins := [host for host, facts in others.items() if facts["machine_id"] == mine["machine_id"]]
-    ):
-        found.append(
-            warning(
-                f"the machine ID is also that of {', '.join(sorted(twins))}, as after copying an SD card: "
-                "DHCP may give both the same address",
-                "/etc/machine-id",
-                "rm /etc/machine-id && systemd-machine-id-setup, then reboot",
-            )
+    twins = [host for host, facts in others.items() if facts["machine_id"] == mine["machine_id"]]
+    if mine["machine_id"] and twins:
+        yield warning(
+            f"the machine ID is also that of {', '.join(sorted(twins))}, as after copying an SD card: "
+            "DHCP may give both the same address",
+            "/etc/machine-id",
+            "rm /etc/machine-id && systemd-machine-id-setup, then reboot",
         )
-    return found + _mtu_differs(name, fleet)
-
-
-def _mtu_differs(name: str, fleet: Mapping[str, Result]) -> list[Finding]:
     sizes = {host: route_mtu(facts) for host, facts in fleet.items() if route_mtu(facts)}
     largest = max(sizes.values(), default=0)
-    if name not in sizes or sizes[name] == largest:
-        return []
-    larger = sorted(host for host, size in sizes.items() if size == largest)
-    return [
-        warning(
+    if sizes.get(name, largest) != largest:
+        larger = sorted(host for host, size in sizes.items() if size == largest)
+        yield warning(
             f"the MTU is {sizes[name]}, but {largest} on {', '.join(larger)}: large packets between them may get lost",
-            f"interface {fleet[name]['routes'][0]['interface']}",
+            f"interface {mine['routes'][0]['interface']}",
             f"set one MTU on all hosts, or flannel's to that of the smallest link (here {min(sizes.values())})",
         )
-    ]
 
 
 def route_mtu(facts: Result) -> int:
@@ -378,7 +366,7 @@ CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (
 
 def judge(fleet: Mapping[str, Result], host: str, requirements: Requirements) -> list[Finding]:
     """What is wrong with one of these hosts, the errors first. `fleet` is host -> its facts."""
-    found = findings(fleet[host], requirements) + fleet_findings(host, fleet)
+    found = [*findings(fleet[host], requirements), *fleet_findings(host, fleet)]
     return sorted(found, key=lambda finding: finding.severity != ERROR)
 
 
@@ -386,11 +374,7 @@ def report(host: str, found: list[Finding]) -> str:
     """The host's findings as text: one line each."""
     if not found:
         return f"{host}: ready for k3s, nothing to remark"
-    errors = sum(finding.severity == ERROR for finding in found)
-    head = f"{host}: {_count(errors, ERROR)}, {_count(len(found) - errors, WARNING)}"
+    counts = {word: sum(finding.severity == word for finding in found) for word in (ERROR, WARNING)}
+    head = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items())
     lines = [f"  {f.severity}: {f.what} (seen in {f.where}). Fix: {f.fix}" for f in found]
-    return "\n".join([head, *lines])
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    return "\n".join([f"{host}: {head}", *lines])

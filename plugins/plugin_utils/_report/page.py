@@ -14,11 +14,11 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from ...module_utils._common.documents import Data
 from .attention import attention
 from .glance import counts, host_level, hosts_off, level, share
 from .rows import Host, Row, Status, Topic
@@ -36,17 +36,6 @@ MORE_COLUMNS: Mapping[str, Columns] = {"steps": columns(("phases, s", "phases"),
 _MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
 # control characters, halves of surrogate pairs, and the two that are no characters at all
 _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-
-
-class Section(NamedTuple):
-    """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
-
-    key: str
-    title: str
-    headers: Sequence[str]
-    lines: Sequence[Sequence[str]]
-    levels: Sequence[str]
-    naming: int
 
 
 def status_page(status: Status, made: str, previous: str = "", limit: str = "", name: str = "") -> str:
@@ -114,12 +103,13 @@ def host_columns(status: Status) -> Columns:
     )  # fmt: skip
 
 
-def _section(key: str, title: str, given: Columns, rows: Sequence[Row], levels: Sequence[str]) -> Section:
+def _section(key: str, title: str, given: Columns, rows: Sequence[Row], levels: Sequence[str]) -> Data:
+    """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
     headers, lines = grid([*given, *MORE_COLUMNS.get(key, ())], rows)
     # the first column names a row, but for the robot, where many rows share that
     naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0
-    cells = [[words(cell) for cell in line] for line in lines]
-    return Section(key, title, headers, cells, levels, naming)
+    about = {"key": key, "title": title, "headers": headers, "naming": naming}
+    return {**about, "lines": [[words(cell) for cell in line] for line in lines], "levels": levels}
 
 
 def _text(value: object) -> object:

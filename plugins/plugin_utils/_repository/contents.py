@@ -93,16 +93,11 @@ class Change(NamedTuple):
         return {"before": self.before or "", "after": self.after, **headers}
 
 
-class Plan(NamedTuple):
-    write: list[Change]
-    kept: list[str]  # paths of files that differ
-
-
-def plan(wanted: Mapping[str, str], found: Mapping[str, str], force: bool) -> Plan:
-    """What to do about those that differ. Only `force` takes one that is there."""
+def plan(wanted: Mapping[str, str], found: Mapping[str, str], force: bool) -> tuple[list[Change], list[str]]:
+    """What to write, and the paths of files that differ and are kept. Only `force` takes one that is there."""
     changes = [Change(path, found.get(path), text) for path, text in wanted.items() if found.get(path) != text]
     write = [change for change in changes if force or change.before is None]
-    return Plan(write, [change.path for change in changes if change not in write])
+    return write, [change.path for change in changes if change not in write]
 
 
 def read(top: Path, paths: Mapping[str, str]) -> dict[str, str]:

@@ -15,7 +15,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
     EXAMPLE_FLEETS,
     Change,
-    Plan,
     contents,
     fleet_name,
     plan,
@@ -101,23 +100,23 @@ def test_a_directory_s_name_is_made_a_fleet_s(directory: str, name: str) -> None
 
 
 def test_what_is_missing_is_written_and_what_differs_stays() -> None:
-    assert plan(WANTED, {"c": "2\n", "d": "mine\n"}, force=False) == Plan([Change("a/b.yml", None, "1\n")], ["d"])
+    assert plan(WANTED, {"c": "2\n", "d": "mine\n"}, force=False) == ([Change("a/b.yml", None, "1\n")], ["d"])
 
 
 def test_force_writes_what_differs_and_nothing_else() -> None:
     planned = plan(WANTED, {"c": "2\n", "d": "mine\n", "a/b.yml": ""}, force=True)
-    assert planned == Plan([Change("a/b.yml", "", "1\n"), Change("d", "mine\n", "3\n")], [])
+    assert planned == ([Change("a/b.yml", "", "1\n"), Change("d", "mine\n", "3\n")], [])
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert read(tmp_path / "new", WANTED) == {}
-    write(tmp_path / "new", plan(WANTED, {}, force=False).write)
+    write(tmp_path / "new", plan(WANTED, {}, force=False)[0])
     assert read(tmp_path / "new", WANTED) == WANTED
 
 
 def test_a_file_that_is_no_text_differs(tmp_path: Path) -> None:
     (tmp_path / "c").write_bytes(b"\xff")
-    assert plan(WANTED, read(tmp_path, WANTED), force=False).kept == ["c"]
+    assert plan(WANTED, read(tmp_path, WANTED), force=False)[1] == ["c"]
 
 
 def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
