@@ -181,29 +181,29 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     v2_playbook_on_handler_task_start = v2_playbook_on_task_start
 
-    def _host(self, result: Any) -> str:
+    def _ended(self, result: Any) -> tuple[str, str, dict[str, Any], float]:
+        """The task and the host of a result, what may be said of it, and when that came."""
         name = str(result.host.get_name())
         self.silence.heard(name)
         self.report.host(name, [group.get_name() for group in result.host.get_groups()])
-        return name
+        return identity(result.task), name, secret_free(result), time.monotonic()
 
     @harmless
     def v2_runner_on_ok(self, result: Any) -> None:
-        self.report.ok(identity(result.task), self._host(result), secret_free(result), time.monotonic())
+        self.report.ok(*self._ended(result))
 
     @harmless
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:
-        self.report.failed(
-            identity(result.task), self._host(result), secret_free(result), time.monotonic(), ignore_errors
-        )
+        self.report.failed(*self._ended(result), ignore_errors)
 
     @harmless
     def v2_runner_on_skipped(self, result: Any) -> None:
-        self.report.ran(identity(result.task), self._host(result), time.monotonic())
+        task, host, _data, now = self._ended(result)
+        self.report.ran(task, host, now)
 
     @harmless
     def v2_runner_on_unreachable(self, result: Any) -> None:
-        self.report.unreachable(identity(result.task), self._host(result), secret_free(result), time.monotonic())
+        self.report.unreachable(*self._ended(result))
 
     # --- the report -------------------------------------------------------------------------------------------------
 

@@ -106,14 +106,17 @@ def links(graphs: Graphs) -> list[rows.Link]:
 
 def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
     for name in sorted(graph.actions):
-        yield _action_link(rows.Link(robot, name, action=True), graph)
+        # from its clients to its server; goals have to get there, results have to come back
+        goal, result = graph.topic(f"{name}/goal"), graph.topic(f"{name}/result")
+        back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
+        yield _link(rows.Link(robot, name, action=True), goal, (*_broken(goal, graph), *back))
     of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
     for name, topic in sorted(graph.topics.items()):
         if name not in of_actions | PLUMBING_TOPICS:
-            yield _ends(rows.Link(robot, name), topic, _broken(topic, graph))
+            yield _link(rows.Link(robot, name), topic, _broken(topic, graph))
 
 
-def _ends(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
+def _link(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
     pairs = tuple(dict.fromkeys((one.name, other.name) for one, other in broken))
     ends = tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers))
     return replace(link, publishers=ends[0], subscribers=ends[1], broken=pairs)
@@ -124,13 +127,6 @@ def _broken(topic: Topic, graph: Graph) -> Iterator[tuple[NodeKey, NodeKey]]:
     for ends in itertools.product(topic.publishers, topic.subscribers):
         if all(graph.at(end).reachable for end in ends) and ends not in topic.connections:
             yield ends
-
-
-def _action_link(link: rows.Link, graph: Graph) -> rows.Link:
-    """From its clients to its server; goals have to get there, results have to come back."""
-    goal, result = graph.topic(f"{link.name}/goal"), graph.topic(f"{link.name}/result")
-    back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
-    return _ends(link, goal, (*_broken(goal, graph), *back))
 
 
 def launched_rows(apps: Iterable[Workload], graphs: Graphs) -> tuple[list[Trouble], list[rows.Ended]]:
