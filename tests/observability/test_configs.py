@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import subprocess
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from operator import itemgetter
@@ -86,12 +85,6 @@ def test_promtool_finds_nothing_amiss_in_the_apps_own_metrics() -> None:
     command = [program("promtool"), "check", "metrics"]
     done = subprocess.run(command, input=metrics.text(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    with ExitStack() as programs:
-        yield programs
 
 
 def cri(texts: list[str]) -> str:

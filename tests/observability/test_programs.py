@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import json
 import urllib.parse
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import pytest
 from loopback import Program, eventually, free_port, get_json, image_files, program, running
 
 # Enough for an alert to go all the way.
@@ -47,12 +45,6 @@ def prometheus_config(targets: dict[str, int], alertmanager: int, rules: str) ->
 def vmagent_config(target: int) -> dict[str, Any]:
     job = {"job_name": "by-vmagent", "static_configs": [{"targets": [f"127.0.0.1:{target}"]}]}
     return {"global": {"scrape_interval": "1s"}, "scrape_configs": [job]}
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    with ExitStack() as programs:
-        yield programs
 
 
 def query(prometheus: Program, expression: str) -> list[dict[str, Any]]:

@@ -27,10 +27,11 @@ from .rows import HELPERS, SHARED, Status, Trouble, logs_of
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")
 ROLE_LABEL = "node-role.kubernetes.io/"
-_place = attrgetter("robot", "name")
 LATELY = 600.0  # s, in which the end of a container that was started again is news
 
 Objects = Mapping[str, Sequence[Object]]  # of one cluster, by kind
+
+_place = attrgetter("robot", "name")  # by which rows are sorted
 
 
 def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: float) -> Status:
@@ -40,23 +41,13 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
     def all_of(kind: str) -> list[Object]:
         return [*chain(*(objects.get(kind, ()) for objects in clusters))]
 
-    nodes, deployments, pods = (
-        sorted(map(_node, all_of("Node")), key=attrgetter("name")),
-        all_of("Deployment"),
-        all_of("Pod"),
-    )
+    nodes = sorted(map(_node, all_of("Node")), key=attrgetter("name"))
+    deployments, pods = all_of("Deployment"), all_of("Pod")
     ours = [one for one in deployments if labels_of(one).get("app.kubernetes.io/managed-by") == names.MANAGER]
     workloads = sorted((_workload(one, _pods_of(one, pods), now) for one in ours), key=_place)
     return Status(
         nodes=tuple(nodes),
-        placement=tuple(
-            rows.Placed(
-                node.name,
-                node.placement,
-                tuple(f"{one.robot}/{one.name}" for one in workloads if node.name in one.nodes),
-            )
-            for node in nodes
-        ),
+        placement=tuple(rows.Placed(node.name, node.placement, tuple(_run_by(node, workloads))) for node in nodes),
         masters=tuple(one for one in workloads if one.is_master),
         helpers=tuple(one for one in workloads if one.name in HELPERS),
         apps=tuple(one for one in workloads if not one.is_master and one.name not in HELPERS),
