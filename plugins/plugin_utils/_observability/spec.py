@@ -20,14 +20,9 @@ ROBOT, HUB = "robot", "hub"  # profiles
 HUB_METRICS, HUB_LOGS = "hub_metrics_port", "hub_logs_port"  # variables
 # Of each part that may end up on the cluster: what a profile, or a switch, no longer wants is taken away.
 PORTS = {
-    "prometheus": 9090,
-    "loki": 3100,
-    "grafana": 3000,
-    "alertmanager": 9093,
-    "node-exporter": 9100,
-    "log-shipper": 8888,
+    "prometheus": 9090, "loki": 3100, "grafana": 3000, "alertmanager": 9093, "node-exporter": 9100, "log-shipper": 8888,
     "vmagent": 8429,
-}
+}  # fmt: skip
 ON_EVERY_HOST = frozenset({"node-exporter", "log-shipper"})  # DaemonSets; all others are Deployments
 URLS = {name: f"http://{name}.{NAMESPACE}:{port}" for name, port in PORTS.items()}  # inside the cluster
 

@@ -149,15 +149,25 @@ def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Objec
     for found, data in maps.items():
         yield make("v1", "ConfigMap", found, data=dict(data))
     if size := _claims(spec).get(name):
-        body = {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": str(size)}}}
+        body: Object = {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": str(size)}}}
         body |= {"storageClassName": spec["storage_class"]} if spec["storage_class"] else {}
         yield make("v1", "PersistentVolumeClaim", name, spec=body)
     yield _workload(name, spec, pod, _config(name, spec, pod, maps))
     if name not in ON_EVERY_HOST:
-        open_port = _open_ports(spec).get(name)
-        yield make("v1", "Service", name, spec=_service(name, open_port))
+        port, open_port = PORTS[name], _open_ports(spec).get(name)
+        outside, at_host = {}, {}
+        if open_port is not None:  # under the callers' own addresses, which the list of allowed networks is about
+            outside, at_host = {"type": "NodePort", "externalTrafficPolicy": "Local"}, {"nodePort": open_port}
+        ports = [{"name": "http", "port": port, "targetPort": port, "protocol": "TCP", **at_host}]
+        body = {"type": "ClusterIP", "selector": pod_selector(name), "ports": ports, **outside}
+        yield make("v1", "Service", name, spec=body)
         if open_port is not None and spec["allowed_networks"]:
-            yield make("networking.k8s.io/v1", "NetworkPolicy", name, spec=_allow_list(name, spec["allowed_networks"]))
+            # pods of the cluster may reach it, too
+            sources = [{"namespaceSelector": {}}, *({"ipBlock": {"cidr": one}} for one in spec["allowed_networks"])]
+            rule = {"from": sources, "ports": [{"port": port, "protocol": "TCP"}]}
+            selector = {"matchLabels": {"rosops.fleet/app": name}}
+            body = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [rule]}
+            yield make("networking.k8s.io/v1", "NetworkPolicy", name, spec=body)
 
 
 def _pod(name: str, given: Object) -> Object:
@@ -205,22 +215,3 @@ def _workload(name: str, spec: Spec, pod: Object, configured: Any) -> Object:
     notes = {ANNOTATION_CONFIG: common.canonical_hash(configured)}
     item = common.workload(name, NAMESPACE, spec["robot"] or None, pod, kind=kind, strategy=strategy, annotations=notes)
     return annotate(deep_merge(item, spec["overrides"].get(name) or {}))
-
-
-def _service(name: str, open_port: int | None) -> Object:
-    """With an `open_port` it is reachable from outside, under the callers' own addresses, which the list of allowed
-    networks is about."""
-    port: Object = {"name": "http", "port": PORTS[name], "targetPort": PORTS[name], "protocol": "TCP"}
-    body: Object = {"type": "ClusterIP", "selector": pod_selector(name), "ports": [port]}
-    if open_port is not None:
-        port["nodePort"] = open_port
-        body |= {"type": "NodePort", "externalTrafficPolicy": "Local"}
-    return body
-
-
-def _allow_list(name: str, networks: list[str]) -> Object:
-    """Who may reach a part that is open to the outside: pods of the cluster, and the networks that are allowed."""
-    sources = [{"namespaceSelector": {}}, *({"ipBlock": {"cidr": network}} for network in networks)]
-    rule = {"from": sources, "ports": [{"port": PORTS[name], "protocol": "TCP"}]}
-    selector = {"matchLabels": {"rosops.fleet/app": name}}
-    return {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [rule]}
