@@ -108,7 +108,3 @@ def test_one_that_never_answers_is_given_up() -> None:
         end.set()
     assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")
     assert list(answers["b"].objects) == list(KINDS)
-
-
-def test_nobody_to_ask() -> None:
-    assert ask({}) == {}

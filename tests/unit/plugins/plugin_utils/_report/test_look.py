@@ -9,20 +9,9 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import look
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import level as level_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import (
-    Asked,
-    Look,
-    Member,
-    clusters_of,
-    graphs_to_read,
-    members,
-    promised_rates,
-    status_of,
-    unmeasured,
-    usage_of,
-)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
     Ended,
@@ -106,16 +95,16 @@ def test_a_promised_topic_that_nobody_publishes() -> None:
 
 
 def test_nothing_found() -> None:
-    assert status_of(Look(Status()), {}, {}) == fleet_status({}) == Status()
+    assert look.status_of(look.Look(Status()), {}, {}) == fleet_status({}) == Status()
     text = status_text(Status())
     assert text.count("  none") == 8 and "HOSTS\n  none\n" in text and "LAST" not in text and "ENDED" not in text
 
 
 def test_what_is_handed_on_between_the_tasks_is_the_same_afterwards() -> None:
     sources = {**SOURCES, "promised": promise(5)}
-    look = Look(fleet_status(sources), promised=sources["promised"], name="demo")
-    assert Look.from_dict(json.loads(json.dumps(look.as_dict()))) == look
-    assert Look.from_dict({"graphs": {}, "hosts": [{"name": "a"}]}).status == Status(hosts=(Host("a"),))
+    seen = look.Look(fleet_status(sources), promised=sources["promised"], name="demo")
+    assert look.Look.from_dict(json.loads(json.dumps(seen.as_dict()))) == seen
+    assert look.Look.from_dict({"graphs": {}, "hosts": [{"name": "a"}]}).status == Status(hosts=(Host("a"),))
 
 
 PAGE = """\
@@ -181,11 +170,11 @@ OFF = {"unreachable": True, "msg": "Task failed: timed out"}
 
 def found(
     *names: str, off: tuple[str, ...] = (), every: dict[str, Any] | None = None, **more: dict[str, Any]
-) -> list[Member]:
+) -> list[look.Member]:
     hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
     run = {name: hostvars[name] for name in names or hostvars}
     addresses = {name: str(own.get("ansible_host", name)) for name, own in run.items()}
-    return members(fleet(GROUPS, hostvars), addresses, dict.fromkeys(off, OFF))
+    return look.members(fleet(GROUPS, hostvars), addresses, dict.fromkeys(off, OFF))
 
 
 def pods(robot: str, *addresses: str) -> Workload:
@@ -203,24 +192,24 @@ def test_rows_of_hosts() -> None:
 
 
 def test_each_cluster_is_asked_with_one_of_its_hosts() -> None:
-    asked, silent = clusters_of(found())
+    asked, silent = look.clusters_of(found())
     assert (asked, silent) == ({"edge": "edge1", "lone": "lone"}, {})
 
 
 def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:
-    asked, silent = clusters_of(found(off=("edge1",)))
+    asked, silent = look.clusters_of(found(off=("edge1",)))
     assert (list(asked), silent) == (["lone"], {"edge": "its servers are unreachable"})
 
 
 def test_servers_outside_of_the_limit_may_be_up() -> None:
-    asked, silent = clusters_of(found("robot1", "robot2", off=("robot1",)))
+    asked, silent = look.clusters_of(found("robot1", "robot2", off=("robot1",)))
     assert (list(asked), silent) == (["edge"], {})
 
 
 def test_one_server_that_answers_is_enough() -> None:
     part = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
-    hosts = [Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
-    assert list(clusters_of(hosts)[0]) == ["edge"]
+    hosts = [look.Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
+    assert list(look.clusters_of(hosts)[0]) == ["edge"]
 
 
 def test_every_robot_reads_its_own_masters_graph() -> None:
@@ -229,36 +218,36 @@ def test_every_robot_reads_its_own_masters_graph() -> None:
         "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
     }
     apps = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
-    assert graphs_to_read(found(), services, apps) == {
-        "robot1": Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
-        "robot2": Asked("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
-        "lone": Asked("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
+    assert look.graphs_to_read(found(), services, apps) == {
+        "robot1": look.Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
+        "robot2": look.Asked("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
+        "lone": look.Asked("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
     }
 
 
 def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
     services = {"edge": [service("robot-robot1", "10.43.0.1")]}
-    assert graphs_to_read(found(off=("robot1",)), services, []) == {}
+    assert look.graphs_to_read(found(off=("robot1",)), services, []) == {}
 
 
 def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
     services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
     every = {"ros_master_mode": "shared"}
-    lone = Asked("lone", "http://10.43.0.8:11311")  # shares with nobody
-    shared = Asked("(shared)", "http://10.43.0.9:11311", ("10.42.0.7",))
+    lone = look.Asked("lone", "http://10.43.0.8:11311")  # shares with nobody
+    shared = look.Asked("(shared)", "http://10.43.0.9:11311", ("10.42.0.7",))
     apps = [pods("robot2", "10.42.0.7")]
-    assert graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
-    assert graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
+    assert look.graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
+    assert look.graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
 
 
 def test_an_external_master_needs_no_service() -> None:
     external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
-    assert graphs_to_read(found(robot2=external), {}, []) == {"robot2": Asked("robot2", "http://hall:11311")}
+    assert look.graphs_to_read(found(robot2=external), {}, []) == {"robot2": look.Asked("robot2", "http://hall:11311")}
 
 
 def test_what_volumes_hold() -> None:
     path = "/var/lib/rancher/k3s/storage/pvc-3f_robot-robot1_logs-pvc"
-    assert usage_of(
+    assert look.usage_of(
         [
             {"stdout_lines": [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"]},
             {"stdout_lines": []},
@@ -276,12 +265,12 @@ def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
         "stuck": {"rc": 137},
         "off": OFF,
     }
-    assert [problem.where for problem in unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
+    assert [problem.where for problem in look.unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
 
 
 def test_rates_that_apps_promise() -> None:
     topics = [{"name": "odom", "min_rate": 18}, {"name": "~own", "min_rate": 5}, {"name": "/scan", "publishers": 2}]
     app = {"name": "base", "image": "a:1", "command": ["a"], "pattern": "pubsub", "readiness": {"topics": topics}}
     fused = {**app, "name": "fused", "readiness": {"topics": [{"name": "/scan", "min_rate": 10, "publishers": 2}]}}
-    told = promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
+    told = look.promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
     assert told == {"robot1": {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}}
