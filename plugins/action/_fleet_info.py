@@ -24,7 +24,6 @@ from ..plugin_utils._kube.running import Known, outdated
 from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._report import look
-from ..plugin_utils._report.clusters import ask
 from ..plugin_utils._report.held import cluster_rows, outdated_rows
 
 
@@ -47,7 +46,7 @@ class ActionModule(ClusterAction):
             # whoever looks wants to see it now, and can look again
             return self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, patience=0)
 
-        answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
+        answers = look.ask({cluster: partial(connect, host) for cluster, host in asked.items()})
         mute = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
         found = cluster_rows([one.objects for one in answers.values()], look.usage_of(results.values()), time.time())
         pods = chain(*(one.objects.get("Pod", ()) for one in answers.values()))

@@ -125,7 +125,7 @@ def test_who_has_ended_in_a_launch_file_is_for_a_person_to_judge() -> None:
         ("outcomes", {**MISSED, "outcome": "failed"}, "rosops.fleet.update --limit robot2 --check --diff"),
         ("outcomes", {**MISSED, "playbook": "mine.yml", "outcome": "deferred-busy"}, "mine.yml --limit robot2"),
         ("went_back", {"name": "a", "robot": "r", "before": "2", "after": "1", "reason": "", "at": LOST}, "ros-keeper"),
-        ("ros_nodes", {"name": "/a", "robot": "r", "app": "b", "reachable": False}, "-n robot-r logs deploy/b --since 10m"),
+        ("ros_nodes", {"name": "/a", "robot": "r", "app": "b", "reachable": False}, "logs deploy/b --since 10m"),
     ],
 )  # fmt: skip
 def test_what_to_do_next(section: str, row: dict[str, Any], todo: str) -> None:

@@ -5,9 +5,13 @@
 from __future__ import annotations
 
 import json
+import threading
+from functools import partial
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report import look
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
@@ -156,7 +160,107 @@ def test_the_page() -> None:
     assert status_text(fleet_status(SOURCES), width=110) == PAGE
 
 
-# ---- hosts and clusters
+# ---- clusters
+
+PATIENT = 60.0
+
+
+class Cluster:
+    """An API by its name: `away` from the start, `half` breaks at the pods."""
+
+    closed: list[str] = []  # noqa: RUF012 - one list for the clusters of a test
+
+    def __init__(self, name: str, before: Any = None) -> None:
+        if name == "none":
+            raise KubeError("No usable Kubernetes credentials in none")
+        self.name, self.before = name, before
+        self.asked: list[tuple[str, str]] = []
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self.closed.append(self.name)
+
+    def get(self, ref: Ref) -> Any:
+        return (
+            {"data": {"robot1": '{"host": "robot1", "playbook": "update.yml", "started": ""}'}}
+            if ref.name == "rosops-outcomes"
+            else None
+        )
+
+    def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Any]:
+        if kind == "ConfigMap":
+            assert fields == "metadata.name=robot-updates"  # all maps together are megabytes
+            return []
+        assert namespace == "" and self.name not in self.closed
+        if self.before:
+            self.before()
+        if self.name == "away" or (self.name == "half" and kind == "Pod"):
+            raise KubeError("connection refused")
+        self.asked.append((kind, labels))
+        return [f"{kind} of {self.name}"]
+
+
+def opened(name: str) -> Any:
+    return Cluster(name)
+
+
+def test_everything_that_is_shown_is_asked_for_once() -> None:
+    made: list[Cluster] = []
+
+    def good() -> Any:
+        made.append(Cluster("good"))
+        return made[0]
+
+    answer = look.ask({"edge": good}, PATIENT)["edge"]
+    assert answer.problem == ""
+    assert answer.objects == {kind: [f"{kind} of good"] for kind in look.KINDS}
+    assert made[0].asked == list(look.KINDS.items())
+    assert made[0].closed[-1] == "good"
+    assert [run.playbook for run in answer.runs] == ["update.yml"]
+
+
+def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
+    Cluster.closed.clear()
+    given = {"a": "none", "b": "away", "c": "half", "d": "good"}
+    answers = look.ask({name: partial(opened, api) for name, api in given.items()}, PATIENT)
+    assert {name: one.problem for name, one in answers.items()} == {
+        "a": "No usable Kubernetes credentials in none",
+        "b": "connection refused",
+        "c": "connection refused",
+        "d": "",
+    }
+    assert [list(one.objects) for one in answers.values()] == [[], [], ["Node", "Deployment"], list(look.KINDS)]
+    assert sorted(Cluster.closed) == ["away", "good", "half"]
+
+
+def test_they_are_asked_side_by_side() -> None:
+    Cluster.closed.clear()
+    meeting = threading.Barrier(3)  # each waits for the others: one after the other this would never end
+
+    def meets() -> Any:
+        return Cluster("good", lambda: meeting.wait(PATIENT))
+
+    assert not any(one.problem for one in look.ask(dict.fromkeys("abc", meets), PATIENT).values())
+
+
+def test_one_that_never_answers_is_given_up() -> None:
+    Cluster.closed.clear()
+    end = threading.Event()
+
+    def slow() -> Any:
+        return Cluster("slow", lambda: end.wait(PATIENT))
+
+    try:
+        answers = look.ask({"a": slow, "b": partial(opened, "good")}, 0.2)
+    finally:
+        end.set()
+    assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")
+    assert list(answers["b"].objects) == list(look.KINDS)
+
+
+# ---- hosts
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
 VARIABLES: dict[str, dict[str, Any]] = {
