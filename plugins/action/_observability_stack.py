@@ -37,7 +37,7 @@ class ActionModule(ClusterAction):
             objects = stack.stack_objects(spec, files, admin["version"])
             namespace, *rest = objects
             done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
-            done += kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
+            done += kube.delete([ref_of(one) for one in stack.leftovers(spec, objects)], check)
             if not check:  # it made nothing that could be waited for
                 self._wait(kube, objects, WaitOptions(spec["ready_timeout"], say=self.say(known)))
         return written(done)

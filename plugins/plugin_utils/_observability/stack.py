@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -43,13 +43,15 @@ def stack_objects(spec: Spec, files: Files, admin_version: str = "") -> list[Obj
     return [made("v1", "Namespace", NAMESPACE, labels=labels), *of_parts]
 
 
-def leftovers(spec: Spec) -> list[Object]:
-    """What another spec may have made, and this one does not want: to be deleted. Never a claim: data is its owner's to
-    delete. A dashboard that nobody shows stays, too."""
+def leftovers(spec: Spec, objects: Iterable[Object]) -> list[Object]:
+    """What another spec may have made, and is not among the `objects` of this one: to be deleted.
+
+    Never a claim: data is its owner's to delete. A dashboard that nobody shows stays, too.
+    """
     open_grafana = {**spec["grafana"], "service_type": "NodePort"}
     most = {**spec, "profile": HUB, "allowed_networks": ["0.0.0.0/0"], "grafana": open_grafana}
-    there = {_key(one) for one in stack_objects(spec, Files())}
-    every = [one for objects in _parts(most, Files(), "").values() for one in objects]
+    there = {_key(one) for one in objects}
+    every = [one for part in _parts(most, Files(), "").values() for one in part]
     return [one for one in reversed(every) if one["kind"] != "PersistentVolumeClaim" and _key(one) not in there]
 
 
