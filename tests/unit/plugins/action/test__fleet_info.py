@@ -89,9 +89,3 @@ def test_a_cluster_that_does_not_answer_is_a_problem(
     assert problem["cluster"] == "edge"
     assert found["asked"] == asked
     assert len(found["nodes"]) == len(asked)  # what it did answer is shown
-
-
-def test_without_the_validation() -> None:
-    found = run(_fleet_info, {"volumes": "usage"}, {"hostvars": {}, "ansible_play_hosts_all": []})
-    assert found["failed"] is True
-    assert "import the playbook rosops.fleet.validate" in found["msg"]

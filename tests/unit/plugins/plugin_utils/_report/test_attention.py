@@ -164,12 +164,6 @@ def test_the_screen_says_which_fleet() -> None:
     assert summary_text({"hosts": [UP]}, NOW, "my-fleet").startswith("FLEET my-fleet\n\nNEEDS ATTENTION\n")
 
 
-def test_a_large_fleet_is_still_a_page() -> None:
-    hosts = [{**UP, "name": f"robot{number}"} for number in range(100)]
-    apps = [app(host["name"], 1) for host in hosts for _one in range(10)]
-    assert len(summary_text({"hosts": hosts, "apps": apps}, NOW).splitlines()) == 6
-
-
 def test_what_comes_from_elsewhere_moves_no_cursor() -> None:
     text = summary_text({"hosts": [{**OFF, "reason": "a\x1b[2J\nforged: line"}]}, NOW)
     assert "\x1b" not in text and "\nforged" not in text
