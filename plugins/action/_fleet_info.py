@@ -23,18 +23,8 @@ from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known, outdated
 from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
-from ..plugin_utils._report.clusters import ask
+from ..plugin_utils._report import look
 from ..plugin_utils._report.held import cluster_rows, outdated_rows
-from ..plugin_utils._report.hosts import (
-    cluster_problems,
-    clusters_of,
-    graphs_to_read,
-    members,
-    promised_rates,
-    unmeasured,
-    usage_of,
-)
-from ..plugin_utils._report.look import Look
 
 
 class ActionModule(ClusterAction):
@@ -48,29 +38,29 @@ class ActionModule(ClusterAction):
         variables = {host: hostvars[host] for host in known["ansible_play_hosts_all"]}
         results = {host: own.get(params["volumes"], {}) for host, own in variables.items()}
         addresses = {host: str(own.get("ansible_host", host)) for host, own in variables.items()}
-        hosts = members(fleet, addresses, results)
-        asked, silent = clusters_of(hosts)
+        hosts = look.members(fleet, addresses, results)
+        asked, silent = look.clusters_of(hosts)
 
         def connect(host: str) -> Kube:
             path = str(variables[host].get("k3s_kubeconfig_path") or "")
             # whoever looks wants to see it now, and can look again
             return self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, patience=0)
 
-        answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
+        answers = look.ask({cluster: partial(connect, host) for cluster, host in asked.items()})
         mute = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
-        found = cluster_rows([one.objects for one in answers.values()], usage_of(results.values()), time.time())
+        found = cluster_rows([one.objects for one in answers.values()], look.usage_of(results.values()), time.time())
         pods = chain(*(one.objects.get("Pod", ()) for one in answers.values()))
         services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
         old = outdated_rows(outdated(pods, _known(fleet, variables, params["images"])))
-        problems = (*cluster_problems(mute, hosts), *unmeasured(results), *old)
-        look = Look(
+        problems = (*look.cluster_problems(mute, hosts), *look.unmeasured(results), *old)
+        seen = look.Look(
             replace(found, hosts=tuple(host.row for host in hosts), problems=problems),
-            graphs_to_read(hosts, services, found.apps),
-            promised_rates(hosts),
+            look.graphs_to_read(hosts, services, found.apps),
+            look.promised_rates(hosts),
             tuple(run for answer in answers.values() for run in answer.runs),
             fleet.name,
         )
-        return {"changed": False, **look.as_dict()}
+        return {"changed": False, **seen.as_dict()}
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:

@@ -26,8 +26,7 @@ from ..plugin_utils._report.page import status_page
 from ..plugin_utils._report.results import message_of
 from ..plugin_utils._report.ros_graph import Reading
 from ..plugin_utils._report.rows import Trouble, logs_of
-from ..plugin_utils._report.summary import TABLES, summary_text
-from ..plugin_utils._report.text import status_text
+from ..plugin_utils._report.text import TABLES, status_text, summary_text
 
 display = Display()
 
@@ -44,15 +43,13 @@ class ActionModule(FleetAction):
     def work(self, params: Arguments, known: Variables) -> Result:
         look = Look.from_dict(params["fleet"])
         results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
-        graphs = {
-            look.graphs[host].robot: Reading.from_dict(one["graph"]) for host, one in results.items() if "graph" in one
-        }
+        read = {host: one["graph"] for host, one in results.items() if "graph" in one}
+        graphs = {look.graphs[host].robot: Reading.from_dict(found) for host, found in read.items()}
         problems = graph_problems(results, look.graphs)
         status = status_of(look, graphs, report_texts(callback_path()), problems)
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        text = (
-            summary_text(status, now, look.name) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
-        )
+        tables = status_text(status) if display.verbosity else f"{TABLES}\n"
+        text = f"{summary_text(status, now, look.name)}\n{tables}"
         voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
         result: Result = {"status": status.as_dict(), "text": text, "_ansible_verbose_override": True}
@@ -77,13 +74,9 @@ def callback_path() -> str:
 
 def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> list[Trouble]:
     """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
+    failed = {host: one for host, one in results.items() if "graph" not in one and not one.get("unreachable")}
+    whose = {host: graphs[host].robot for host in failed}
     return [
-        Trouble(
-            f"ROS graph of {host}",
-            message_of(result),
-            logs_of(graphs[host].robot, names.MASTER_NAME),
-            graph=graphs[host].robot,
-        )
-        for host, result in results.items()
-        if "graph" not in result and not result.get("unreachable")
+        Trouble(f"ROS graph of {host}", message_of(one), logs_of(whose[host], names.MASTER_NAME), graph=whose[host])
+        for host, one in failed.items()
     ]

@@ -22,7 +22,7 @@ from ..plugin_utils._action.variables import change_variables, plain, role_varia
 from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._model.topology import EDGE_CLUSTER
-from ..plugin_utils._report.keep import keep_early
+from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.change import Ended
 from ..plugin_utils._update.host_change import Place
 from ..plugin_utils._update.kube_nodes import server_versions, servers_down

@@ -20,7 +20,7 @@ from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ..plugin_utils._model.fleet import Fleet
 from ..plugin_utils._observability import stack
 from ..plugin_utils._observability.files import Files, stack_files
-from ..plugin_utils._observability.spec import Spec, spec_of
+from ..plugin_utils._observability.spec import Spec, runs, spec_of
 from ..plugin_utils._report.held import nodes_off
 
 
@@ -30,14 +30,14 @@ class ActionModule(ClusterAction):
         check = self._task.check_mode
         with self.cluster(params, known) as kube:
             admin = {"password": "", "version": ""}
-            if stack.has_grafana(spec):
+            if runs(spec)["grafana"]:
                 there = kube.get(ref_of(stack.ADMIN_SECRET))
                 fresh = secrets.token_hex(20)
                 admin = stack.grafana_admin(there, spec["grafana"]["admin_password"], fresh)
             objects = stack.stack_objects(spec, files, admin["version"])
             namespace, *rest = objects
             done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
-            done += kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
+            done += kube.delete([ref_of(one) for one in stack.leftovers(spec, objects)], check)
             if not check:  # it made nothing that could be waited for
                 self._wait(kube, objects, WaitOptions(spec["ready_timeout"], say=self.say(known)))
         return written(done)

@@ -21,9 +21,8 @@ from ..plugin_utils._kube.access import NoClusterError
 from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._model.outcomes import FAILED, UNCHANGED
-from ..plugin_utils._report.files import noted_run
-from ..plugin_utils._report.host_run import HostRun
-from ..plugin_utils._report.keep import PATIENCE, keep
+from ..plugin_utils._report.host_run import HostRun, noted_run
+from ..plugin_utils._report.kept import PATIENCE, keep
 from ..plugin_utils._report.results import declared_in
 from ..plugin_utils._update.outcome import RobotOutcome
 

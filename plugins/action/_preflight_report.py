@@ -10,8 +10,7 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.variables import role_variables
-from ..plugin_utils._preflight.finding import ERROR
-from ..plugin_utils._preflight.findings import judge, report
+from ..plugin_utils._preflight.findings import ERROR, judge, report
 from ..plugin_utils._preflight.requirements import PART, requirements, server_addresses
 
 

@@ -11,8 +11,7 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name
-from ..plugin_utils._repository.files import plan, read, write
+from ..plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name, plan, read, write
 
 COLLECTION = Path(__file__).resolve().parents[2]
 
@@ -32,13 +31,13 @@ class ActionModule(FleetAction):
             raise FleetError("It is not said where the repository shall be. Give a directory: -e dest=my-fleet")
         top = Path(params["dest"]).expanduser().absolute()
         wanted = contents(COLLECTION, fleet_name(top.name), params["example"])
-        planned = plan(wanted, read(top, wanted), params["force"])
+        changes, differ = plan(wanted, read(top, wanted), params["force"])
         if not self._task.check_mode:
-            write(top, planned.write)
-        kept = ["They differ and stay as they are (-e force=yes overwrites them):", *planned.kept]
+            write(top, changes)
+        kept = ["They differ and stay as they are (-e force=yes overwrites them):", *differ]
         return {
-            "changed": bool(planned.write),
-            "diff": [change.diff for change in planned.write],
-            "msg": [f"{top}:", *(change.path for change in planned.write), *(kept if planned.kept else [])],
+            "changed": bool(changes),
+            "diff": [change.diff for change in changes],
+            "msg": [f"{top}:", *(change.path for change in changes), *(kept if differ else [])],
             "_ansible_verbose_always": True,
         }

@@ -28,7 +28,7 @@ from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, images, tagged_parts, workload_objects
-from ..plugin_utils._report.keep import keep_early
+from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.cluster import KubeCluster, run_name
 from ..plugin_utils._update.engine import Engine
 from ..plugin_utils._update.host import ImageSource

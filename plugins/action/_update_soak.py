@@ -25,7 +25,7 @@ from ..plugin_utils._model import names
 from ..plugin_utils._model.fleet import robot_from_vars
 from ..plugin_utils._model.outcomes import UPDATED
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
-from ..plugin_utils._report.keep import keep_early
+from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.cluster import KubeCluster, run_name
 from ..plugin_utils._update.ledger import Ledger
 from ..plugin_utils._update.outcome import StepResult

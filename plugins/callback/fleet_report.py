@@ -72,10 +72,10 @@ from ansible.plugins.callback import CallbackBase
 from ansible.release import __version__
 
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
-from ..plugin_utils._report.files import note_run, placed, write
-from ..plugin_utils._report.report import Report, screen, word_of
+from ..plugin_utils._report.files import placed, write
+from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
-from ..plugin_utils._report.run import RunReport, TaskInfo
+from ..plugin_utils._report.run import Report, RunReport, Task, screen, word_of
 from ..plugin_utils._report.silence import LOOK, Silence
 from ..plugin_utils._update.standing import Standing
 from ..plugin_utils._update.ticker import ticking
@@ -173,45 +173,37 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         note_run(self.report.so_far(self.playbook, self._started()))
 
     @harmless
-    def v2_playbook_on_task_start(self, task: Any, is_conditional: bool) -> None:  # noqa: ARG002 - Ansible's signature
-        self._begin(task)
-
-    @harmless
-    def v2_playbook_on_handler_task_start(self, task: Any) -> None:
-        self._begin(task)
-
-    def _begin(self, task: Any) -> None:
+    def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
         self.silence.begins(name_of(task))
         for_all = task.run_once is True or task.any_errors_fatal is True
-        self.report.task(
-            identity(task),
-            TaskInfo(name_of(task), str(task.action), stage_of(task), for_all),
-            time.monotonic(),
-        )
+        info = Task(name_of(task), str(task.action), stage_of(task), for_all)
+        self.report.task(identity(task), info, time.monotonic())
 
-    def _host(self, result: Any) -> str:
+    v2_playbook_on_handler_task_start = v2_playbook_on_task_start
+
+    def _ended(self, result: Any) -> tuple[str, str, dict[str, Any], float]:
+        """The task and the host of a result, what may be said of it, and when that came."""
         name = str(result.host.get_name())
         self.silence.heard(name)
         self.report.host(name, [group.get_name() for group in result.host.get_groups()])
-        return name
+        return identity(result.task), name, secret_free(result), time.monotonic()
 
     @harmless
     def v2_runner_on_ok(self, result: Any) -> None:
-        self.report.ok(identity(result.task), self._host(result), secret_free(result), time.monotonic())
+        self.report.ok(*self._ended(result))
 
     @harmless
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:
-        self.report.failed(
-            identity(result.task), self._host(result), secret_free(result), time.monotonic(), ignore_errors
-        )
+        self.report.failed(*self._ended(result), ignore_errors)
 
     @harmless
     def v2_runner_on_skipped(self, result: Any) -> None:
-        self.report.skipped(identity(result.task), self._host(result), time.monotonic())
+        task, host, _data, now = self._ended(result)
+        self.report.ran(task, host, now)
 
     @harmless
     def v2_runner_on_unreachable(self, result: Any) -> None:
-        self.report.unreachable(identity(result.task), self._host(result), secret_free(result), time.monotonic())
+        self.report.unreachable(*self._ended(result))
 
     # --- the report -------------------------------------------------------------------------------------------------
 

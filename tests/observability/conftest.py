@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -45,3 +46,10 @@ def fleet(standing_fleet: Watched, request: pytest.FixtureRequest) -> Watched:
     """The same; figures stand under the case's name."""
     standing_fleet.say(f"{request.node.name}:")
     return standing_fleet
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """Programs on loopback, which end with the test."""
+    with ExitStack() as programs:
+        yield programs

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import subprocess
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from operator import itemgetter
@@ -38,7 +37,7 @@ PODS = {
         **{"pod": "add-two-ints-6c8b9d7f5c-x2x4z", "placement": "local"},
     },
     ("observability", "node-exporter-b7k9q", "node-exporter"): {
-        **{"namespace": "observability", "app": "node-exporter", "pod": "node-exporter-b7k9q", "placement": "local"},
+        **{"namespace": "observability", "app": "node-exporter", "pod": "node-exporter-b7k9q", "placement": "local"}
     },
 }
 
@@ -80,23 +79,12 @@ def test_prometheus_reads_it(tmp_path: Path, profile: str) -> None:
     accepted(tmp_path, text, "promtool", "check", "config", "--syntax-only", "FILE")
 
 
-@pytest.mark.parametrize("name", ["prometheus-rules/ros.yml", "prometheus-rules/recording.yml"])
-def test_promtool_reads_the_rules(tmp_path: Path, name: str) -> None:
-    accepted(tmp_path, rendered("standalone")[name], "promtool", "check", "rules", "FILE")
-
-
 def test_promtool_finds_nothing_amiss_in_the_apps_own_metrics() -> None:
     metrics = Metrics("service", "/add_two_ints")
     metrics.answered(0.002)
     command = [program("promtool"), "check", "metrics"]
     done = subprocess.run(command, input=metrics.text(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    with ExitStack() as programs:
-        yield programs
 
 
 def cri(texts: list[str]) -> str:

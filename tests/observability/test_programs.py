@@ -8,21 +8,43 @@ That log lines do is a case of test_configs.
 
 from __future__ import annotations
 
+import json
 import urllib.parse
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import minimal
-import pytest
 from loopback import Program, eventually, free_port, get_json, image_files, program, running
 
+# Enough for an alert to go all the way.
+ALWAYS_FIRING = {
+    "groups": [{"name": "test", "rules": [{"alert": "Always", "expr": "up == 1", "labels": {"severity": "info"}}]}]
+}
+ALERTMANAGER = {"route": {"receiver": "none"}, "receivers": [{"name": "none"}]}
 
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    with ExitStack() as programs:
-        yield programs
+
+def write(path: Path, config: dict[str, Any]) -> str:
+    """JSON, which is YAML, too."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(config, indent=1))
+    return str(path)
+
+
+def prometheus_config(targets: dict[str, int], alertmanager: int, rules: str) -> dict[str, Any]:
+    return {
+        "global": {"scrape_interval": "1s", "evaluation_interval": "1s"},
+        "rule_files": [rules],
+        "alerting": {"alertmanagers": [{"static_configs": [{"targets": [f"127.0.0.1:{alertmanager}"]}]}]},
+        "scrape_configs": [
+            {"job_name": job, "static_configs": [{"targets": [f"127.0.0.1:{port}"], "labels": {"robot": "robot1"}}]}
+            for job, port in targets.items()
+        ],
+    }
+
+
+def vmagent_config(target: int) -> dict[str, Any]:
+    job = {"job_name": "by-vmagent", "static_configs": [{"targets": [f"127.0.0.1:{target}"]}]}
+    return {"global": {"scrape_interval": "1s"}, "scrape_configs": [job]}
 
 
 def query(prometheus: Program, expression: str) -> list[dict[str, Any]]:
@@ -36,17 +58,16 @@ def test_samples_and_alerts(tmp_path: Path, stack: ExitStack) -> None:
     prometheus_path, alertmanager_path, exporter_path, vmagent_path = paths
     own, alerts, exporter, agent = (free_port() for _program in range(4))
     address = "127.0.0.1"
-    rules = minimal.write(tmp_path / "rules.yml", minimal.always_firing())
-    config = minimal.write(
-        tmp_path / "prometheus.yml",
-        minimal.prometheus({"prometheus": own, "node-exporter": exporter}, alerts, rules),
+    rules = write(tmp_path / "rules.yml", ALWAYS_FIRING)
+    config = write(
+        tmp_path / "prometheus.yml", prometheus_config({"prometheus": own, "node-exporter": exporter}, alerts, rules)
     )
     stack.enter_context(
         running(tmp_path / "exporter", exporter, exporter_path, f"--web.listen-address={address}:{exporter}")
     )
     # It reads templates beside it, as Debian has it: only in its image's files is it whole.
     root = image_files(alertmanager_path, "/bin/alertmanager", tmp_path / "image")
-    minimal.write(root / "alertmanager.yml", minimal.alertmanager())
+    write(root / "alertmanager.yml", ALERTMANAGER)
     alertmanager = stack.enter_context(
         running(
             *(tmp_path / "alertmanager", alerts, "chroot", str(root), "/bin/alertmanager"),
@@ -66,7 +87,7 @@ def test_samples_and_alerts(tmp_path: Path, stack: ExitStack) -> None:
     stack.enter_context(
         running(
             *(tmp_path / "vmagent", agent, vmagent_path, f"-httpListenAddr={address}:{agent}"),
-            f"-promscrape.config={minimal.write(tmp_path / 'vmagent.yml', minimal.vmagent(exporter))}",
+            f"-promscrape.config={write(tmp_path / 'vmagent.yml', vmagent_config(exporter))}",
             f"-remoteWrite.url={prometheus.url}/api/v1/write",
             f"-remoteWrite.tmpDataPath={tmp_path / 'queue'}",
         )

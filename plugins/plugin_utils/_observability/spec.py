@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The role's variables as one spec, and what follows: who runs, which images, how much is kept. Pure."""
+"""The parts of the stack, the role's variables as one spec, and what follows: who runs, which images, how much is kept.
+Pure."""
 
 from __future__ import annotations
 
@@ -11,9 +12,19 @@ from typing import Any
 from ...module_utils._common.errors import SpecError
 from .._model.formats import quantity_value
 from .._model.role_specs import completed, role_options
-from . import names as obs
 
 Spec = Mapping[str, Any]  # the role's variables
+
+NAMESPACE = "observability"
+ROBOT, HUB = "robot", "hub"  # profiles
+HUB_METRICS, HUB_LOGS = "hub_metrics_port", "hub_logs_port"  # variables
+# Of each part that may end up on the cluster: what a profile, or a switch, no longer wants is taken away.
+PORTS = {
+    "prometheus": 9090, "loki": 3100, "grafana": 3000, "alertmanager": 9093, "node-exporter": 9100, "log-shipper": 8888,
+    "vmagent": 8429,
+}  # fmt: skip
+ON_EVERY_HOST = frozenset({"node-exporter", "log-shipper"})  # DaemonSets; all others are Deployments
+URLS = {name: f"http://{name}.{NAMESPACE}:{port}" for name, port in PORTS.items()}  # inside the cluster
 
 # Blocks are dropped when they would exceed this part of the claim. The rest is for what is not counted among them: the
 # write-ahead log of the last three hours, and the copy that a compaction makes.
@@ -35,25 +46,25 @@ def spec_of(variables: Spec, robot: str = "", remote_nodes: Collection[str] = ()
 
 
 def runs(spec: Spec) -> dict[str, bool]:
-    """Which parts of the stack run."""
-    robot = spec["profile"] == obs.ROBOT
+    """Which parts of the stack run. Who is asked for what comes before who asks."""
+    robot = spec["profile"] == ROBOT
     loki = not robot and spec["loki"]["enabled"]
     prometheus = not robot and spec["prometheus"]["enabled"]
     return {
-        obs.PROMETHEUS: prometheus,
-        obs.LOKI: loki,
-        obs.GRAFANA: not robot and spec["grafana"]["enabled"],
-        obs.ALERTMANAGER: prometheus and bool(spec["alertmanager_config"]),
-        obs.VMAGENT: robot,
-        obs.NODE_EXPORTER: spec["node_exporter"],
+        "prometheus": prometheus,
+        "loki": loki,
+        "alertmanager": prometheus and bool(spec["alertmanager_config"]),
+        "vmagent": robot,
+        "node-exporter": spec["node_exporter"],
         # lines that nobody takes would fill the hosts' disks
-        obs.SHIPPER: spec["log_shipper"] != "none" and (robot or loki),
+        "log-shipper": spec["log_shipper"] != "none" and (robot or loki),
+        "grafana": not robot and spec["grafana"]["enabled"],
     }
 
 
 def images(spec: Spec) -> list[str]:
     """The images of what runs, sorted, each once: for a registry or an archive of one's own."""
-    keys = {name: name.replace("-", "_") for name in obs.WORKLOADS} | {obs.SHIPPER: "otelcol"}
+    keys = {name: name.replace("-", "_") for name in PORTS} | {"log-shipper": "otelcol"}
     return sorted({spec["images"][keys[name]] for name, wanted in runs(spec).items() if wanted})
 
 

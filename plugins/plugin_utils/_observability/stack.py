@@ -1,92 +1,79 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The observability stack of one cluster: spec and files -> objects. Pure and deterministic.
-
-`files` is {rules: {name: text}, loki_rules: {..}, dashboards: {folder: {name: text}}}.
-"""
+"""The observability stack of one cluster: spec and files -> objects. Pure and deterministic."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
+from typing import Any
 
-from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object
-from .._objects.common import owner_labels
-from . import names as obs
-from . import workload
+from .._model.merge import deep_merge
+from .._objects import common
+from .._objects.common import annotate, made, node_selector, object_labels, owner_labels, pod_selector
+from .configs import FOLDERS, config, yaml_text
 from .files import Files
-from .parts import RULES, part_objects, stack_pods
-from .spec import Spec, runs
-from .templates import yaml_text
+from .spec import HUB, HUB_LOGS, HUB_METRICS, NAMESPACE, ON_EVERY_HOST, PORTS, Spec, runs
 
-# Who is asked for what comes before who asks.
-ORDER = (
-    obs.PROMETHEUS, obs.LOKI, obs.ALERTMANAGER, obs.VMAGENT, obs.NODE_EXPORTER, obs.SHIPPER, obs.GRAFANA,
-)  # fmt: skip
-ADMIN_SECRET = {
-    "apiVersion": "v1",
-    "kind": "Secret",
-    "metadata": {"name": obs.ADMIN_SECRET, "namespace": obs.NAMESPACE},
-}
+PREFIXES = {"Fleet": "dashboard-", "Own": "own-dashboard-"}  # of the ConfigMaps of dashboards, by folder
+ADMIN_SECRET = made("v1", "Secret", "grafana-admin", NAMESPACE)
+ANNOTATION_CONFIG = "rosops.fleet/config-hash"
+RBAC = "rbac.authorization.k8s.io"
+# To see what there is to scrape, and read the metrics of nodes and API servers: nothing else.
+DISCOVERY = [
+    {"apiGroups": [""], "resources": ["nodes", "pods", "services", "endpoints"], "verbs": ["get", "list", "watch"]},
+    {"apiGroups": [""], "resources": ["nodes/metrics"], "verbs": ["get"]},
+    {"nonResourceURLs": ["/metrics"], "verbs": ["get"]},
+]
+# A process that needs nothing of its host but what is mounted into it.
+UNPRIVILEGED = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}
+
+Maps = Mapping[str, Mapping[str, str]]  # ConfigMaps by name: text by file
 
 
 def stack_objects(spec: Spec, files: Files, admin_version: str = "") -> list[Object]:
     """All objects but the Secrets: what is in them may be shown. Grafana is restarted for another `admin_version`."""
-    wanted = runs(spec)
-    if not spec["grafana"]["default_dashboards"]:
-        files = replace(files, dashboards={name: one for name, one in files.dashboards.items() if name != "Fleet"})
-    pods = stack_pods(spec, files, admin_version)
-    found = [_namespace(spec)]
-    for name in ORDER:
-        found += part_objects(name, spec, files, pods) if wanted[name] else []
-    return found
+    # the hosts' files and network are what node exporter and log shipper are about
+    labels = {**owner_labels(spec["robot"] or None), "pod-security.kubernetes.io/enforce": "privileged"}
+    parts, wanted = _parts(spec, files, admin_version), runs(spec)
+    of_parts = (one for name, objects in parts.items() if wanted[name] for one in objects)
+    return [made("v1", "Namespace", NAMESPACE, labels=labels), *of_parts]
 
 
-def leftovers(spec: Spec) -> list[Object]:
-    """Objects of parts that no longer run: to be deleted. Never a claim or a Secret: data is its owner's to delete."""
-    wanted = runs(spec)
-    found: list[Object] = []
-    for name in (name for name, on in wanted.items() if not on):
-        found.append(_reference("apps/v1", obs.WORKLOADS[name], name))
-        if name != obs.NODE_EXPORTER:
-            found.append(_reference("v1", "ConfigMap", name))
-        if obs.WORKLOADS[name] == "Deployment":
-            found.append(_reference("v1", "Service", name))
-            found.append(_reference("networking.k8s.io/v1", "NetworkPolicy", name))
-        if name in RULES:
-            found.append(_reference("v1", "ConfigMap", RULES[name]))
-    for name in (obs.PROMETHEUS, obs.VMAGENT):
-        if not wanted[name]:
-            found += [_bare(one) for one in reversed(workload.discovery_access(name, spec))]
-    if not spec["allowed_networks"]:
-        opened = (obs.GRAFANA, obs.PROMETHEUS, obs.LOKI)
-        found += [_reference("networking.k8s.io/v1", "NetworkPolicy", name) for name in opened if wanted[name]]
-    return found
+def leftovers(spec: Spec, objects: Iterable[Object]) -> list[Object]:
+    """What another spec may have made, and is not among the `objects` of this one: to be deleted.
+
+    Never a claim: data is its owner's to delete. A dashboard that nobody shows stays, too.
+    """
+    open_grafana = {**spec["grafana"], "service_type": "NodePort"}
+    most = {**spec, "profile": HUB, "allowed_networks": ["0.0.0.0/0"], "grafana": open_grafana}
+    there = {_key(one) for one in objects}
+    every = [one for part in _parts(most, Files(), "").values() for one in part]
+    return [one for one in reversed(every) if one["kind"] != "PersistentVolumeClaim" and _key(one) not in there]
+
+
+def _key(item: Object) -> tuple[str, str]:
+    return item["kind"], item["metadata"]["name"]
 
 
 def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
     """Grafana's password, `{password, version}`, and Alertmanager's configuration."""
     wanted = runs(spec)
     found = []
-    if wanted[obs.GRAFANA] and admin["password"]:
-        found.append(_secret(obs.ADMIN_SECRET, obs.GRAFANA, spec, {"user": "admin", **admin}))
-    if wanted[obs.ALERTMANAGER]:
-        config = {"alertmanager.yml": yaml_text(spec["alertmanager_config"])}
-        found.append(_secret(obs.ALERTMANAGER, obs.ALERTMANAGER, spec, config))
+    if wanted["grafana"] and admin["password"]:
+        found.append(_secret(ADMIN_SECRET["metadata"]["name"], "grafana", spec, {"user": "admin", **admin}))
+    if wanted["alertmanager"]:
+        texts = {"alertmanager.yml": yaml_text(spec["alertmanager_config"])}
+        found.append(_secret("alertmanager", "alertmanager", spec, texts))
     return found
 
 
 def _secret(name: str, app: str, spec: Spec, texts: Mapping[str, str]) -> Object:
     data = {key: base64.b64encode(str(text).encode()).decode() for key, text in texts.items()}
-    return {"apiVersion": "v1", "kind": "Secret", "metadata": workload.metadata(name, app, spec), "data": data}
-
-
-def has_grafana(spec: Spec) -> bool:
-    """Whether there is a Grafana, and with it a password."""
-    return runs(spec)[obs.GRAFANA]
+    return made("v1", "Secret", name, NAMESPACE, object_labels(app, spec["robot"] or None), data=data)
 
 
 def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, str]:
@@ -95,8 +82,6 @@ def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, st
     `secret` is what the cluster has, `fresh` is random text: its first eight characters become
     the version of a password that is new, the rest the password where none is given.
     """
-    if len(fresh) < 24:
-        raise SpecError("needs at least 24 random characters")
     there = (secret or {}).get("data") or {}
     known = {key: base64.b64decode(there.get(key, "")).decode() for key in ("password", "version")}
     if known["password"] and given in ("", known["password"]) and known["version"]:
@@ -104,16 +89,128 @@ def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, st
     return {"password": given or known["password"] or fresh[8:], "version": fresh[:8]}
 
 
-def _namespace(spec: Spec) -> Object:
-    # the hosts' files and network are what node exporter and log shipper are about
-    labels = {**owner_labels(spec["robot"] or None), "pod-security.kubernetes.io/enforce": "privileged"}
-    return {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": obs.NAMESPACE, "labels": labels}}
+# --- parts
 
 
-def _reference(api: str, kind: str, name: str) -> Object:
-    return {"apiVersion": api, "kind": kind, "metadata": {"name": name, "namespace": obs.NAMESPACE}}
+def _parts(spec: Spec, files: Files, admin_version: str) -> dict[str, list[Object]]:
+    """The objects of every part, whether it runs or not."""
+    boards = {folder: sorted(files.dashboards.get(folder, ())) for folder in FOLDERS}
+    names = {folder: [_map_name(folder, file) for file in found] for folder, found in boards.items()}
+    pods, configured = config("pods", spec, dashboards=names, admin_version=admin_version), _maps(spec, files)
+    return {name: list(_objects(name, spec, pods[name], configured.get(name, {}))) for name in runs(spec)}
 
 
-def _bare(item: Object) -> Object:
-    metadata = {key: item["metadata"][key] for key in ("name", "namespace") if key in item["metadata"]}
-    return {"apiVersion": item["apiVersion"], "kind": item["kind"], "metadata": metadata}
+def _maps(spec: Spec, files: Files) -> dict[str, Maps]:
+    """The ConfigMaps of each part. Each dashboard is one of its own, which Grafana reads again by itself."""
+    scraped = {"prometheus.yml": yaml_text(config("scrape", spec))}
+    boards = {
+        _map_name(folder, file): {file: text}
+        for folder, found in files.dashboards.items()
+        for file, text in sorted(found.items())
+    }
+    return {
+        "prometheus": {"prometheus": scraped, "prometheus-rules": files.rules},
+        "vmagent": {"vmagent": scraped},
+        "loki": {"loki": {"loki.yml": yaml_text(config("loki", spec))}, "loki-rules": {}},
+        "log-shipper": {"log-shipper": {"otelcol.yml": yaml_text(config("otelcol", spec))}},
+        "grafana": {"grafana": {name: yaml_text(one) for name, one in config("grafana", spec).items()}, **boards},
+    }
+
+
+def _map_name(folder: str, file: str) -> str:
+    return PREFIXES[folder] + file.removesuffix(".json")
+
+
+def _claims(spec: Spec) -> dict[str, str]:
+    """Part -> the size of its claim. The data of another one goes with the pod."""
+    kept = {name: spec[name]["persistence"] for name in ("loki", "grafana")}
+    sizes = {name: one["size"] for name, one in kept.items() if one["enabled"]}
+    return {"prometheus": spec["prometheus_size"], "vmagent": spec["store_size"], **sizes}
+
+
+def _open_ports(spec: Spec) -> dict[str, int]:
+    """Part -> the port of each host, at which it is open to the outside."""
+    of_hub = {"prometheus": spec[HUB_METRICS], "loki": spec[HUB_LOGS]} if spec["profile"] == HUB else {}
+    return of_hub | ({"grafana": spec["grafana_node_port"]} if spec["grafana"]["service_type"] == "NodePort" else {})
+
+
+def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Object]:
+    """What is applied of a part, on a robot's own cluster as the robot's; `given` is its pod as the template has it."""
+    labels, pod = object_labels(name, spec["robot"] or None), _pod(name, given)
+    make = partial(made, namespace=NAMESPACE, labels=labels)
+    if "serviceAccountName" in pod:
+        account = f"rosops-fleet-{name}"
+        subject = {"kind": "ServiceAccount", "name": name, "namespace": NAMESPACE}
+        role = {"apiGroup": RBAC, "kind": "ClusterRole", "name": account}
+        yield make("v1", "ServiceAccount", name)
+        yield made(f"{RBAC}/v1", "ClusterRole", account, labels=labels, rules=DISCOVERY)
+        yield made(f"{RBAC}/v1", "ClusterRoleBinding", account, labels=labels, roleRef=role, subjects=[subject])
+    for found, data in maps.items():
+        yield make("v1", "ConfigMap", found, data=dict(data))
+    if size := _claims(spec).get(name):
+        body: Object = {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": str(size)}}}
+        body |= {"storageClassName": spec["storage_class"]} if spec["storage_class"] else {}
+        yield make("v1", "PersistentVolumeClaim", name, spec=body)
+    yield _workload(name, spec, pod, _config(name, spec, pod, maps))
+    if name not in ON_EVERY_HOST:
+        port, open_port = PORTS[name], _open_ports(spec).get(name)
+        outside, at_host = {}, {}
+        if open_port is not None:  # under the callers' own addresses, which the list of allowed networks is about
+            outside, at_host = {"type": "NodePort", "externalTrafficPolicy": "Local"}, {"nodePort": open_port}
+        ports = [{"name": "http", "port": port, "targetPort": port, "protocol": "TCP", **at_host}]
+        body = {"type": "ClusterIP", "selector": pod_selector(name), "ports": ports, **outside}
+        yield make("v1", "Service", name, spec=body)
+        if open_port is not None and spec["allowed_networks"]:
+            # pods of the cluster may reach it, too
+            sources = [{"namespaceSelector": {}}, *({"ipBlock": {"cidr": one}} for one in spec["allowed_networks"])]
+            rule = {"from": sources, "ports": [{"port": port, "protocol": "TCP"}]}
+            selector = {"matchLabels": {"rosops.fleet/app": name}}
+            body = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [rule]}
+            yield make("networking.k8s.io/v1", "NetworkPolicy", name, spec=body)
+
+
+def _pod(name: str, given: Object) -> Object:
+    """With what all of them have in common: no access to the API, no rights, one port, a probe of it."""
+    port = PORTS[name]
+    all_of_them = {"imagePullPolicy": "IfNotPresent", "securityContext": UNPRIVILEGED}
+    main = {
+        **all_of_them,
+        "name": name,
+        "ports": [{"name": "http", "containerPort": port, "protocol": "TCP"}],
+        # No liveness probe: a restart while a log is replayed only makes it longer.
+        "readinessProbe": {"httpGet": {"port": port}, "periodSeconds": 5, "timeoutSeconds": 5, "failureThreshold": 3},
+    }
+    pod = {"automountServiceAccountToken": False, "enableServiceLinks": False, **given}
+    for key, base in (("containers", main), ("initContainers", all_of_them)):
+        if key in given:
+            pod[key] = [deep_merge(base, one) for one in given[key]]
+    return pod
+
+
+def _config(name: str, spec: Spec, pod: Object, maps: Maps) -> Any:
+    """What the pod is restarted for when it changes."""
+    match name:
+        case "alertmanager":  # it may hold passwords, so it is a Secret
+            return spec["alertmanager_config"]
+        case "node-exporter":  # its arguments are all that it is configured with
+            return pod["containers"][0]["args"]
+        case "grafana":
+            return maps["grafana"]
+    [text] = maps[name].values()
+    rules = maps.get(f"{name}-rules")
+    return text if rules is None else [text, dict(rules)]
+
+
+def _workload(name: str, spec: Spec, pod: Object, configured: Any) -> Object:
+    """The Deployment or DaemonSet of a part."""
+    kind = "Deployment"
+    strategy: Object = common.RECREATE_STRATEGY  # two on one claim would ruin what the other writes
+    if name in ON_EVERY_HOST:
+        pod["tolerations"] = [{"operator": "Exists"}]
+        # A host that is off counts as unavailable: with fewer, it would keep the others at the old revision.
+        kind, strategy = "DaemonSet", {"type": "RollingUpdate", "rollingUpdate": {"maxUnavailable": "100%"}}
+    else:
+        pod["nodeSelector"] = node_selector("local" if spec["robot"] else "remote", spec["robot"])
+    notes = {ANNOTATION_CONFIG: common.canonical_hash(configured)}
+    item = common.workload(name, NAMESPACE, spec["robot"] or None, pod, kind=kind, strategy=strategy, annotations=notes)
+    return annotate(deep_merge(item, spec["overrides"].get(name) or {}))

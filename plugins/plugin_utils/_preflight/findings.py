@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import NamedTuple
 
 from ...module_utils._common.documents import Result
 from .._model.k3s_defaults import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT
 from .._model.machines import MACHINES
 from .._model.versions import version
-from .finding import ERROR, WARNING, Finding, error, warning
-from .network import network_findings
 from .requirements import Requirements
 
+ERROR, WARNING = "error", "warning"
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")
 MINIMUM_MTU = 1280  # IPv6 needs it
@@ -26,7 +27,28 @@ LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
 # overlayfs cannot have these as its upper layer, and containerd's snapshots are overlays
 UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
 K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
+PORTS = {
+    "server": "6443/tcp (API), 10250/tcp (kubelet), 8472/udp (flannel), with several servers 2379-2380/tcp (etcd)",
+    "agent": "10250/tcp (kubelet, from the servers), 8472/udp (flannel, from all nodes)",
+}
+NETWORKS = "10.42.0.0/16 and 10.43.0.0/16"
+ALLOW = {
+    "firewalld": "firewall-cmd --permanent --zone=trusted --add-source=10.42.0.0/16 --add-source=10.43.0.0/16, "
+    "--add-port for each of the ports, then firewall-cmd --reload; or systemctl disable --now firewalld",
+    "ufw": "ufw allow from 10.42.0.0/16, ufw allow from 10.43.0.0/16, ufw allow for each of the ports; or ufw disable",
+}
+WITHOUT = {"vxlan": "flannel cannot connect the pods of different nodes", "ip_set": "NetworkPolicies are not enforced"}
 PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
+
+
+class Finding(NamedTuple):
+    severity: str
+    what: str
+    where: str
+    fix: str
+
+
+error, warning = partial(Finding, ERROR), partial(Finding, WARNING)
 
 
 def clock_offset(sent: float, began: float, ended: float, received: float) -> dict[str, float]:
@@ -45,48 +67,36 @@ def findings(facts: Result, requirements: Requirements) -> list[Finding]:
     return [finding for check in CHECKS for finding in check(facts, requirements)]
 
 
-def fleet_findings(name: str, fleet: Mapping[str, Result]) -> list[Finding]:
+def fleet_findings(name: str, fleet: Mapping[str, Result]) -> Iterable[Finding]:
     """What is wrong with one host only because of another one: the same name, a different MTU."""
-    mine = fleet[name]
+    mine, order = fleet[name], list(fleet)
     others = {host: facts for host, facts in fleet.items() if host != name}
-    found = []
-    if twins := [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]:
+    twins = [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]
+    if twins:
         # The one that comes first keeps the name and goes on: a copied SD card must not stop the fleet's server.
-        first = list(fleet).index(name) < min(list(fleet).index(twin) for twin in twins)
-        found.append(
-            (warning if first else error)(
-                f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
-                "uname -n",
-                "give every host its own name: hostnamectl set-hostname NAME",
-            )
+        first = order.index(name) < min(map(order.index, twins))
+        yield (warning if first else error)(
+            f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
+            "uname -n",
+            "give every host its own name: hostnamectl set-hostname NAME",
         )
-    if mine["machine_id"] and (
-        twins := [host for host, facts in others.items() if facts["machine_id"] == mine["machine_id"]]
-    ):
-        found.append(
-            warning(
-                f"the machine ID is also that of {', '.join(sorted(twins))}, as after copying an SD card: "
-                "DHCP may give both the same address",
-                "/etc/machine-id",
-                "rm /etc/machine-id && systemd-machine-id-setup, then reboot",
-            )
+    twins = [host for host, facts in others.items() if facts["machine_id"] == mine["machine_id"]]
+    if mine["machine_id"] and twins:
+        yield warning(
+            f"the machine ID is also that of {', '.join(sorted(twins))}, as after copying an SD card: "
+            "DHCP may give both the same address",
+            "/etc/machine-id",
+            "rm /etc/machine-id && systemd-machine-id-setup, then reboot",
         )
-    return found + _mtu_differs(name, fleet)
-
-
-def _mtu_differs(name: str, fleet: Mapping[str, Result]) -> list[Finding]:
     sizes = {host: route_mtu(facts) for host, facts in fleet.items() if route_mtu(facts)}
     largest = max(sizes.values(), default=0)
-    if name not in sizes or sizes[name] == largest:
-        return []
-    larger = sorted(host for host, size in sizes.items() if size == largest)
-    return [
-        warning(
+    if sizes.get(name, largest) != largest:
+        larger = sorted(host for host, size in sizes.items() if size == largest)
+        yield warning(
             f"the MTU is {sizes[name]}, but {largest} on {', '.join(larger)}: large packets between them may get lost",
-            f"interface {fleet[name]['routes'][0]['interface']}",
+            f"interface {mine['routes'][0]['interface']}",
             f"set one MTU on all hosts, or flannel's to that of the smallest link (here {min(sizes.values())})",
         )
-    ]
 
 
 def route_mtu(facts: Result) -> int:
@@ -190,11 +200,7 @@ def _disk(facts: Result, requirements: Requirements) -> Iterable[Finding]:
             fix,
         )
     elif free < limits["recommended"]:
-        yield warning(
-            f"{has}; images fill that fast, {limits['recommended']} are better",
-            disk["path"],
-            fix,
-        )
+        yield warning(f"{has}; images fill that fast, {limits['recommended']} are better", disk["path"], fix)
     elif percent < percents["recommended"]:
         yield warning(
             f"{of_all}: k3s deletes images that no container uses where more than {IMAGE_GC_USED_PERCENT} % are used, "
@@ -240,6 +246,40 @@ def _network(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
             f"the MTU is {route_mtu(facts)}, at least {MINIMUM_MTU} are needed",
             f"interface {facts['routes'][0]['interface']}",
             "raise it: ip link set dev INTERFACE mtu SIZE",
+        )
+
+
+def _pods_network(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+    """What may keep the host's pods from those of others, though its Node is Ready. Warnings only: what a firewall lets
+    through is not seen from here."""
+    network, role = facts["network"], requirements.role
+    for firewall in network["firewalls"]:
+        yield warning(
+            f"{firewall} is on; a k3s {role} needs {PORTS[role]}, and its pods and services {NETWORKS}",
+            "/etc/ufw/ufw.conf" if firewall == "ufw" else "/proc",
+            ALLOW[firewall],
+        )
+    selinux = network["selinux"]
+    if selinux["mode"] == "enforcing" and not selinux["policy"]:
+        yield warning(
+            "SELinux is enforcing, and k3s's policy is not there: containers may be denied their files",
+            "/sys/fs/selinux/enforce",
+            "install the packages container-selinux and k3s-selinux, and set k3s_config: {selinux: true}",
+        )
+    for module in network["lacking"]:
+        yield warning(
+            f"the kernel has no module {module}: {WITHOUT[module]}",
+            f"/lib/modules/{facts['kernel']}",
+            "on Ubuntu for the Raspberry Pi: apt install linux-modules-extra-raspi; elsewhere a kernel that has it"
+            + (", or k3s_config: {flannel-backend: host-gw} on the servers" if module == "vxlan" else ""),
+        )
+    interfaces = list(dict.fromkeys(route["interface"] for route in facts["routes"] if route["family"] == 4))
+    if len(interfaces) > 1 and not requirements.interface:
+        yield warning(
+            f"there are default routes by {' and '.join(interfaces)}: pods go by {interfaces[0]}, or by another one "
+            "when k3s starts while that is down",
+            "/proc/net/route",
+            "say by which one the robot reaches the others: k3s_config: {flannel-iface: NAME}, and k3s_node_ip",
         )
 
 
@@ -319,24 +359,14 @@ def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
 
 
 CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (
-    _platform,
-    _cgroups,
-    _cgroup_version,
-    _memory,
-    _disk,
-    _clock,
-    _network,
-    network_findings,
-    _ports,
-    _reachable,
-    _name,
+    _platform, _cgroups, _cgroup_version, _memory, _disk, _clock, _network, _pods_network, _ports, _reachable, _name,
     _leftovers,
-)
+)  # fmt: skip
 
 
 def judge(fleet: Mapping[str, Result], host: str, requirements: Requirements) -> list[Finding]:
     """What is wrong with one of these hosts, the errors first. `fleet` is host -> its facts."""
-    found = findings(fleet[host], requirements) + fleet_findings(host, fleet)
+    found = [*findings(fleet[host], requirements), *fleet_findings(host, fleet)]
     return sorted(found, key=lambda finding: finding.severity != ERROR)
 
 
@@ -344,11 +374,7 @@ def report(host: str, found: list[Finding]) -> str:
     """The host's findings as text: one line each."""
     if not found:
         return f"{host}: ready for k3s, nothing to remark"
-    errors = sum(finding.severity == ERROR for finding in found)
-    head = f"{host}: {_count(errors, ERROR)}, {_count(len(found) - errors, WARNING)}"
+    counts = {word: sum(finding.severity == word for finding in found) for word in (ERROR, WARNING)}
+    head = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items())
     lines = [f"  {f.severity}: {f.what} (seen in {f.where}). Fix: {f.fix}" for f in found]
-    return "\n".join([head, *lines])
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    return "\n".join([f"{host}: {head}", *lines])

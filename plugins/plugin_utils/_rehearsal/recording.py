@@ -3,18 +3,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What record.yml has kept of a robot -> what the stand-in of each of its apps plays (`_rehearsal/stand_in.py`). Pure.
 
+The apps that change in a rehearsal are the inventory's own, all others are stand-ins.
+
 Left out is what the contract of an update leaves out, too: tools that somebody has open, the keeper, /rosout, the
 services of loggers, and nodes that do not answer. Names are those that hold for every version.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._pod.launch import stable
+from ...module_utils._rehearsal import stand_in
 from ...module_utils._ros.contract import LOGGERS, is_tool, known
 from ...module_utils._ros.graph import Graph, Topic, host_of, names_of
 
@@ -22,6 +27,9 @@ KIND, VERSION = "rosops.fleet/recording", 1
 OTHERS = "rehearsal-others"  # plays the nodes that are no app's
 LOG_NODE, LOG_TOPICS = "/rosout", ("/rosout", "/rosout_agg")
 Recorded = Mapping[str, Any]  # an app, or the graph, as the file has it
+Item = Mapping[str, Any]  # of ros_apps
+DIRECTORY = "/opt/rosops-rehearsal"
+PROGRAM, PLAN = f"{DIRECTORY}/stand_in.py", f"{DIRECTORY}/plan.json"
 # Of an action, in Hz, whoever listens. A goal of zeros would begin work in a server, and nobody asked for it.
 RATES = {"goal": 0.0, "cancel": 0.0, "status": 5.0}
 
@@ -114,3 +122,48 @@ def _published(graph: Graph, topics: Mapping[str, Topic], node: str) -> Iterator
         if node in names_of(topic.publishers) and known(topic.type) and known(topic.md5sum):
             rate = fixed.get(name, float(topic.rate or 0) / len(topic.publishers))
             yield Published(stable(name), topic.type, str(topic.definition), bool(topic.latched), rate)
+
+
+# ---- the cast
+
+
+def changed(now: Sequence[Item], then: Sequence[Item]) -> list[str]:
+    """The apps that differ between two lists."""
+    before, after = ({str(item["name"]): item for item in items} for items in (now, then))
+    found = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    if not found:
+        told = "what is next changes none of this inventory's apps; a variable that is given with -e stays as it is"
+        raise SpecError(f"{told}: {', '.join(before) or 'none'}")
+    return found
+
+
+def cast(parts: Mapping[str, Part], items: Sequence[Item], real: Sequence[str], image: str) -> list[Item]:
+    """`ros_apps`: those of these items that are real, and stand-ins, in `image`, for all other parts."""
+    extras = [_stand_in(name, part, image) for name, part in parts.items() if name not in real]
+    return [*extras, *(item for item in items if item["name"] in real)]
+
+
+def _stand_in(name: str, part: Part, image: str) -> Item:
+    plan = json.dumps({"nodes": [asdict(node) for node in part.nodes]}, indent=1, sort_keys=True)
+    program = Path(stand_in.__file__).read_text("utf-8")
+    return {
+        "name": name,
+        "image": image,
+        "command": ["/ros_entrypoint.sh"],
+        "args": ["python3", PROGRAM, PLAN],
+        "placement": part.placement,
+        "handoff": "replace",
+        "files": [{"path": PROGRAM, "content": program}, {"path": PLAN, "content": plan}],
+        "readiness": _readiness(part),
+    }
+
+
+def _readiness(part: Part) -> Item:
+    """All of it is there: nodes have the names that were recorded, not the app's."""
+    topics: dict[str, dict[str, str | int]] = {}
+    for node in part.nodes:
+        for kind, found in (("publishers", node.publishes), ("subscribers", node.subscribes)):
+            for topic in found:
+                topics.setdefault(topic.name, {"name": topic.name})[kind] = 1
+    services = [one.name for node in part.nodes for one in node.services]
+    return {"nodes": False, "topics": list(topics.values()), "services": services}

@@ -5,25 +5,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
 from ansible import constants as C  # noqa: N812 - its customary name
-
-from .host_run import Noted
-
-RUN = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
-
-
-def note_run(found: Noted) -> None:
-    """Write down what is known of this run so far, for the tasks that come."""
-    write(Path(C.DEFAULT_LOCAL_TMP) / RUN, json.dumps(found.as_dict()))
-
-
-def noted_run() -> Noted:
-    """What was written down of this run; nothing where nobody does."""
-    return Noted.from_dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / RUN) or "{}"))
 
 
 def placed(path: str) -> Path | None:

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A fleet's status at a glance: how good each row is, how many of each kind are, and a line per host. Pure."""
+"""A fleet's status at a glance: how good each row and each host is, and how many of each kind are. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from ...module_utils._ros.checks import RATE_TOLERANCE
-from .._model.formats import quantity_value
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 from . import rows
 from .rows import SHARED, Row, Status, some
@@ -17,23 +16,6 @@ from .rows import SHARED, Row, Status, some
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9
 _OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
-
-
-@dataclass(frozen=True)
-class HostLine(Row):
-    """What runs for a host, as shares that are in order, and what became of it. `level` is the worst of all that."""
-
-    host: str
-    group: str
-    state: str
-    node: str
-    master: str
-    apps: str
-    ros_nodes: str
-    topics: int | None
-    messages: float | None
-    outcome: str
-    level: str
 
 
 def level(row: Row, off: Collection[str] = ()) -> str:
@@ -68,8 +50,6 @@ def _level(row: Row) -> str:
             found = _claim(row)
         case rows.LastRun() | rows.Step():
             found = _OUTCOMES.get(row.outcome, OK)
-        case HostLine():
-            found = row.level
     return found
 
 
@@ -85,14 +65,7 @@ def _topic(row: rows.Topic) -> str:
 def _claim(row: rows.Claim) -> str:
     if not row.bound:
         return OK if row.unused else BAD
-    share = used_share(row)
-    return WARN if share is not None and share >= NEARLY_FULL else OK
-
-
-def used_share(row: rows.Claim) -> float | None:
-    """How much of its size a claim holds; None where either is not known."""
-    size = quantity_value(row.size)
-    return float(row.used_bytes) / float(size) if size and row.used_bytes is not None else None
+    return WARN if row.used_share is not None and row.used_share >= NEARLY_FULL else OK
 
 
 def is_unknown(row: Row, away: Collection[str]) -> bool:
@@ -135,17 +108,11 @@ def hosts_away(status: Status) -> frozenset[str]:
     return frozenset(row.name for row in status.hosts if not row.reachable)
 
 
-# What is counted: its words, where it comes from, and the word for one that is in order.
-_COUNTED = (
-    ("Hosts", "hosts", "up"),
-    ("Nodes", "nodes", "ready"),
-    ("ROS masters", "masters", "ready"),
-    ("Helpers", "helpers", "ready"),
-    ("Apps", "apps", "ready"),
-    ("ROS nodes", "ros_nodes", "up"),
-    ("Claims", "claims", "in order"),
-    ("Last outcomes", "outcomes", "good"),
-)
+# What is counted, and the word for one that is in order.
+_COUNTED = {
+    "hosts": "up", "nodes": "ready", "masters": "ready", "helpers": "ready", "apps": "ready", "ros_nodes": "up",
+    "claims": "in order", "outcomes": "good",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -155,7 +122,6 @@ class Count:
     `untold` are hosts of which not even the number is known: no total has them.
     """
 
-    label: str
     section: str
     word: str
     good: int
@@ -178,18 +144,18 @@ class Count:
 
 def counts(status: Status) -> list[Count]:
     """Of everything of which there is something, or may be."""
-    found = [_count(label, section, word, status) for label, section, word in _COUNTED]
+    found = [_count(section, word, status) for section, word in _COUNTED.items()]
     return [count for count in found if count.total or count.untold]
 
 
-def _count(label: str, section: str, word: str, status: Status) -> Count:
+def _count(section: str, word: str, status: Status) -> Count:
     found, off, away = status.rows(section), hosts_off(status), hosts_away(status)
     levels = [level(row, off) for row in found]
     unknown = [row for row in found if is_unknown(row, away)]
     of = tuple(sorted(set(map(_whose, unknown))))
     untold = tuple(sorted(_untold(section, status, away)))
     worst = _worst(levels, WARN if unknown or untold else OK)
-    return Count(label, section, word, levels.count(OK), len(found), len(unknown), of, untold, worst)
+    return Count(section, word, levels.count(OK), len(found), len(unknown), of, untold, worst)
 
 
 def _worst(levels: Collection[str], else_: str = OK) -> str:
@@ -210,30 +176,6 @@ def _untold(section: str, status: Status, away: Collection[str]) -> set[str]:
     return set()
 
 
-def host_lines(status: Status) -> list[HostLine]:
-    """A line per host: what runs for it and what became of it."""
-    outcomes = {row.host: row.outcome for row in status.outcomes}
-    nodes = {row.name: "Ready" if row.ready else "NotReady" for row in status.nodes}
-    return [_line(host, nodes.get(host.name, ""), outcomes.get(host.name, ""), status) for host in status.hosts]
-
-
-def _line(host: rows.Host, node: str, outcome: str, status: Status) -> HostLine:
-    topics = [row for row in status.topics if row.robot == host.name]
-    return HostLine(
-        host.name,
-        host.group,
-        "up" if host.reachable else "offline",
-        node,
-        _share(status.masters, host.name),
-        _share(status.apps, host.name),
-        _share(status.ros_nodes, host.name),
-        len(topics) or None,
-        sum(row.rate or 0.0 for row in topics) or None,
-        outcome,
-        host_level(status, host),
-    )
-
-
 def host_level(status: Status, host: rows.Host) -> str:
     """The worst of what belongs to the host. What a host that is off cannot show is no further fault."""
     if not host.reachable:
@@ -242,6 +184,7 @@ def host_level(status: Status, host: rows.Host) -> str:
     return _worst([level(row) for section in found for row in section if _whose(row) == host.name])
 
 
-def _share(section: Iterable[Row], host: str) -> str:
+def share(section: Iterable[Row], host: str) -> str:
+    """How many rows of a host are in order, as `1/2`; empty where it has none."""
     levels = [level(row) for row in section if _whose(row) == host]
     return f"{levels.count(OK)}/{len(levels)}" if levels else ""

@@ -11,26 +11,27 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from itertools import chain
+from operator import attrgetter
 
 from ...module_utils._common.poll import PASS
-from ...module_utils._step.objects import Object, app_of, is_ready, is_terminating, labels_of, name_of
+from ...module_utils._step.objects import Object, app_of, ends_of, is_ready, is_terminating, labels_of, name_of
 from ...module_utils._step.update_record import ways_back
 from .._kube.cache import Ref, View
 from .._kube.pods import condition, last_end, meta, why_not_ready
 from .._kube.running import TODO, Outdated
 from .._kube.verdicts import judge
 from .._model import names
-from .._objects.exporter import NAME as EXPORTER_NAME
 from . import rows
-from .rows import SHARED, OfRobot, Status, Trouble, logs_of
+from .rows import HELPERS, SHARED, Status, Trouble, logs_of
 
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")
 ROLE_LABEL = "node-role.kubernetes.io/"
-HELPERS = frozenset({names.KEEPER_NAME, EXPORTER_NAME})  # beside each master; nobody has written them into an inventory
 LATELY = 600.0  # s, in which the end of a container that was started again is news
 
 Objects = Mapping[str, Sequence[Object]]  # of one cluster, by kind
+
+_place = attrgetter("robot", "name")  # by which rows are sorted
 
 
 def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: float) -> Status:
@@ -40,15 +41,16 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
     def all_of(kind: str) -> list[Object]:
         return [*chain(*(objects.get(kind, ()) for objects in clusters))]
 
-    nodes, deployments, pods = sorted(map(_node, all_of("Node")), key=_name), all_of("Deployment"), all_of("Pod")
+    nodes = sorted(map(_node, all_of("Node")), key=attrgetter("name"))
+    deployments, pods = all_of("Deployment"), all_of("Pod")
     ours = [one for one in deployments if labels_of(one).get("app.kubernetes.io/managed-by") == names.MANAGER]
     workloads = sorted((_workload(one, _pods_of(one, pods), now) for one in ours), key=_place)
     return Status(
         nodes=tuple(nodes),
-        placement=tuple(_placed(node, workloads) for node in nodes),
-        masters=tuple(one for one in workloads if one.name == names.MASTER_NAME),
+        placement=tuple(rows.Placed(node.name, node.placement, tuple(_run_by(node, workloads))) for node in nodes),
+        masters=tuple(one for one in workloads if one.is_master),
         helpers=tuple(one for one in workloads if one.name in HELPERS),
-        apps=tuple(one for one in workloads if one.name != names.MASTER_NAME and one.name not in HELPERS),
+        apps=tuple(one for one in workloads if not one.is_master and one.name not in HELPERS),
         went_back=tuple(sorted(chain(*map(_went_back, deployments)), key=_place)),
         claims=tuple(sorted(chain(*(_claims(objects, usage) for objects in clusters)), key=_place)),
     )
@@ -71,14 +73,6 @@ def ending_rows(workloads: Iterable[rows.Workload]) -> list[Trouble]:
 def outdated_rows(found: Iterable[Outdated]) -> list[Trouble]:
     """Apps whose pods keep an image that its name does not mean any more."""
     return [Trouble(f"{one.app} in {one.namespace}", one.what, TODO) for one in dict.fromkeys(found)]
-
-
-def _name(row: rows.Node) -> str:
-    return row.name
-
-
-def _place(row: OfRobot) -> tuple[str, str]:
-    return row.robot, row.name
 
 
 def _robot(item: Object) -> str:
@@ -105,22 +99,17 @@ def _node(node: Object) -> rows.Node:
         roles=tuple(sorted(key[len(ROLE_LABEL) :] for key in labels if key.startswith(ROLE_LABEL))),
         placement=labels.get(names.LABEL_PLACEMENT, ""),
         robot=labels.get(names.LABEL_ROBOT, ""),
-        labels=_chosen(labels),
+        labels={key: value for key, value in sorted(labels.items()) if _is_chosen(key)},
     )
 
 
-def _chosen(labels: Mapping[str, str]) -> dict[str, str]:
-    own = {names.LABEL_PLACEMENT, names.LABEL_ROBOT}
-    return {
-        key: value
-        for key, value in sorted(labels.items())
-        if key not in own and not any(key.partition("/")[0].endswith(one) for one in BUILT_IN_LABELS)
-    }
+def _is_chosen(label: str) -> bool:
+    own = label in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)
+    return not own and not label.partition("/")[0].endswith(BUILT_IN_LABELS)
 
 
-def _placed(node: rows.Node, workloads: Iterable[rows.Workload]) -> rows.Placed:
-    here = sorted(f"{one.robot}/{one.name}" for one in workloads if node.name in one.nodes)
-    return rows.Placed(node.name, node.placement, tuple(here))
+def _run_by(node: rows.Node, workloads: Iterable[rows.Workload]) -> list[str]:
+    return sorted(f"{one.robot}/{one.name}" for one in workloads if node.name in one.nodes)
 
 
 def _pods_of(deployment: Object, pods: Iterable[Object]) -> list[Object]:
@@ -146,17 +135,12 @@ def _workload(deployment: Object, pods: Sequence[Object], now: float) -> rows.Wo
         nodes=tuple(sorted({str((pod.get("spec") or {}).get("nodeName") or "?") for pod in live})),
         addresses=tuple(sorted({str(at) for pod in live if (at := (pod.get("status") or {}).get("podIP"))})),
         images=tuple(str(one.get("image", "")) for one in pod_spec.get("containers") or []),
-        restarts=sum(map(_restarts, pods)),
+        restarts=ends_of(pods),
         ended=ended,
         ended_at=ended_at,
         since=_unready_since(deployment, unready),
         note=why.partition(": ")[2] or why,  # the row itself says whose pod it is
     )
-
-
-def _restarts(pod: Object) -> int:
-    statuses = (pod.get("status") or {}).get("containerStatuses") or []
-    return sum(int(one.get("restartCount") or 0) for one in statuses)
 
 
 def _unready_since(deployment: Object, unready: Iterable[Object]) -> str:

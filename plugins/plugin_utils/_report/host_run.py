@@ -1,18 +1,25 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run made of a host, wherever that is kept: in reports, in the hosts' clusters, in the run's own note. Pure."""
+"""What a run made of a host, wherever that is kept: in reports, in the hosts' clusters, in the run's own note."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
 
+from ansible import constants as C  # noqa: N812 - its customary name
+
+from ...module_utils._common.documents import Data, Document
+from .._model.keys import plain
 from .._update.outcome import RobotOutcome, StepResult
+from .files import text_of, write
 from .rows import LastRun, Step, Trouble
 
+NOTE = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
+SPOILT = (ValueError, KeyError, TypeError, AttributeError)  # what somebody changed by hand, as it is read
 # Runs that only look. Whoever looks twice still wants to know what became of the last change.
 LOOKING = frozenset({"status.yml", "validate.yml"})
 
@@ -32,22 +39,15 @@ class HostRun:
     def note(self) -> str:
         return note_of(self.outcome.reason, self.failed_task)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         """As the cluster and the note have it."""
-        return {
-            "host": self.host,
-            "playbook": self.playbook,
-            "started": self.started,
-            **self.outcome.as_dict(),
-            "changed": self.changed,
-            "failed_task": self.failed_task or None,
-        }
+        return {**plain(self), **self.outcome.as_dict(), "failed_task": self.failed_task or None}
 
     @classmethod
-    def from_dict(cls, told: Mapping[str, Any]) -> HostRun:
+    def from_dict(cls, told: Document) -> HostRun:
         """What `as_dict` made of it, or a report with the run's own keys beside; a report has the names of the tasks.
 
-        Raises AttributeError, KeyError, TypeError or ValueError for what is of another shape.
+        Raises one of SPOILT for what is of another shape.
         """
         changed = told.get("changed") or 0
         return cls(
@@ -75,17 +75,27 @@ class Noted:
     here: Mapping[str, HostRun] = field(default_factory=dict)
     lost: Mapping[str, HostRun] = field(default_factory=dict)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         sides = {"here": self.here, "lost": self.lost}
         hosts = {side: [run.as_dict() for run in runs.values()] for side, runs in sides.items()}
         return {"playbook": self.playbook, "started": self.started, **hosts}
 
     @classmethod
-    def from_dict(cls, told: Mapping[str, Any]) -> Noted:
+    def from_dict(cls, told: Document) -> Noted:
         here, lost = (
             {run.host: run for run in map(HostRun.from_dict, told.get(side) or ())} for side in ("here", "lost")
         )
         return cls(str(told.get("playbook") or ""), str(told.get("started") or ""), here, lost)
+
+
+def note_run(found: Noted) -> None:
+    """Write down what is known of this run so far, for the tasks that come."""
+    write(Path(C.DEFAULT_LOCAL_TMP) / NOTE, json.dumps(found.as_dict()))
+
+
+def noted_run() -> Noted:
+    """What was written down of this run; nothing where nobody does."""
+    return Noted.from_dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / NOTE) or "{}"))
 
 
 def read_reports(texts: Mapping[str, str]) -> tuple[list[HostRun], list[Trouble]]:
@@ -98,7 +108,7 @@ def read_reports(texts: Mapping[str, str]) -> tuple[list[HostRun], list[Trouble]
             run = {"playbook": report["playbook"], "started": report["started"]}
             runs = [HostRun.from_dict({**host, **run}) for host in report["hosts"]]
             looking = report["check_mode"] or report["playbook"] in LOOKING
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except SPOILT as error:
             what = f"not a report of fleet_report ({type(error).__name__})"
             problems.append(Trouble(name, what, "take the file away from the reports"))
             continue
@@ -131,16 +141,6 @@ def _step(robot: str, step: StepResult) -> Step:
         tuple(f"{version.get('image', '')} ({version.get('revision', '')})" for version in apps.values())
         for apps in (step.before, step.after)
     )
-    return Step(
-        robot=robot,
-        name=step.name,
-        id=step.id,
-        handoff=step.handoff,
-        outcome=step.outcome,
-        before=before,
-        after=after,
-        seconds=round(sum(step.phases.values()), 3),
-        busy_wait=step.phases.get("wait", 0.0),
-        phases=step.phases,
-        note=step.reason,
-    )
+    wait, seconds = step.phases.get("wait", 0.0), round(sum(step.phases.values()), 3)
+    own = (step.name, step.id, step.handoff, step.outcome)
+    return Step(robot, *own, before, after, seconds, wait, step.phases, step.reason)

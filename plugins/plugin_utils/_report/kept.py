@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the last runs made of the hosts, as their cluster keeps it for whoever looks next, from wherever. Pure.
+"""What the last runs made of the hosts, as their cluster keeps it for whoever looks next, from wherever.
 
 One ConfigMap for a cluster, with a key for each host: runs on different hosts do not write over each other. The steps
 of updates are in the robots' own ConfigMaps, which the engine writes.
@@ -9,41 +9,51 @@ of updates are in the robots' own ConfigMaps, which the engine writes.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
 from collections.abc import Iterable, Sequence
-from typing import Any
 
-from ...module_utils._step.objects import Object
+from ...module_utils._common.errors import KubeError
+from ...module_utils._step.objects import Object, labels_of
 from ...module_utils._step.update_record import RUNNING, WAITING
 from .._kube.cache import Ref
-from .._kube.pods import meta
+from .._kube.client import Kube
+from .._kube.connection import ApiError
 from .._model import names
+from .._objects.common import config_map, owner_labels
 from .._update.events import Event, known_events
 from .._update.outcome import RobotOutcome, StepResult
-from .host_run import HostRun
+from .host_run import SPOILT, HostRun, noted_run
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
 REASON_KEPT = 500  # a ConfigMap holds 1 MiB, and a fleet has many hosts
+PATIENCE = 10.0  # for a word about what is over
 
 
-def kept_part(runs: Iterable[HostRun]) -> Object:
-    """What is merged into the ConfigMap."""
-    return {"data": {run.host: json.dumps(_kept(run), sort_keys=True) for run in runs}}
+def keep(kube: Kube, runs: Iterable[HostRun]) -> None:
+    """What runs made of these hosts, without steps, which the robot's own record has; other hosts' keys stay."""
+    data = {}
+    for run in runs:
+        told = {**run.as_dict(), "reason": run.outcome.reason[:REASON_KEPT]}
+        del told["steps"]
+        data[run.host] = json.dumps(told, sort_keys=True)
+    if kube.get(REF) is None:
+        try:
+            kube.create(config_map(REF.name, REF.namespace, owner_labels(None), data))
+            return
+        except ApiError as error:
+            if error.status != 409:  # another run was faster
+                raise
+    kube.merge(REF, {"data": data})
 
 
-def _kept(run: HostRun) -> dict[str, Any]:
-    """Without its steps, which the robot's own record has."""
-    found = {**run.as_dict(), "reason": run.outcome.reason[:REASON_KEPT]}
-    del found["steps"]
-    return found
-
-
-def kept_object(part: Object) -> Object:
-    """The ConfigMap where there is none yet."""
-    labels = {"app.kubernetes.io/managed-by": names.MANAGER}
-    metadata = {"name": REF.name, "namespace": REF.namespace, "labels": labels}
-    return {"apiVersion": REF.api_version, "kind": REF.kind, "metadata": metadata, **part}
+def keep_early(kube: Kube, host: str, outcome: str, reason: str, changed: bool) -> None:
+    """For a run that is killed before its end, where this is written again; so only there it is said if it fails."""
+    run = noted_run()
+    found = HostRun(host, run.playbook, run.started, RobotOutcome(outcome, reason), int(changed))
+    with contextlib.suppress(KubeError):
+        keep(kube.within(PATIENCE), [found])
 
 
 def kept_runs(found: Object | None) -> list[HostRun]:
@@ -52,7 +62,7 @@ def kept_runs(found: Object | None) -> list[HostRun]:
     for text in ((found or {}).get("data") or {}).values():
         try:
             runs.append(HostRun.from_dict(json.loads(text)))
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except SPOILT:
             continue
     return runs
 
@@ -61,11 +71,11 @@ def kept_steps(maps: Sequence[Object]) -> list[HostRun]:
     """The latest step of each app, as a run without an outcome; what somebody spoilt is left out."""
     runs = []
     for item in maps:
-        robot = str((meta(item).get("labels") or {}).get(names.LABEL_ROBOT) or "")
+        robot = str(labels_of(item).get(names.LABEL_ROBOT) or "")
         events = sorted(known_events([item], robot), key=_started)
         try:
             steps = tuple(_step(events, name) for name in dict.fromkeys(event.get("id") for event in events))
-        except (ValueError, TypeError, AttributeError):
+        except SPOILT:
             continue
         if steps:
             runs.append(HostRun(robot, "", _utc(_started(events[-1])), RobotOutcome("", steps=steps)))

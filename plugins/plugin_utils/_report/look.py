@@ -1,7 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A look at the fleet, first at its clusters, then at its graphs -> how it stands. Pure.
+"""A look at the fleet, first at its clusters, then at its graphs -> how it stands; who is off, which cluster can be
+asked, and who reads whose ROS graph. Clusters are asked side by side: one that does not answer keeps nobody from the
+others.
 
 Of reports there may be none, several (one per playbook or kept by hand), and spoilt ones; each host's newest run
 counts, be it of a report or kept by the host's cluster.
@@ -9,15 +11,45 @@ counts, be it of a report or kept by the host's cluster.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from typing import Any
 
+from ...module_utils._common.documents import Data, Document
+from ...module_utils._common.errors import FleetError, KubeError
+from ...module_utils._step.objects import Object, name_of
+from .._kube.client import Kube
+from .._kube.pods import meta
+from .._model import names
+from .._model.context import Robot, master_namespace
+from .._model.fleet import Fleet
 from .._model.keys import plain, read
-from . import held, host_run, ros_graph
+from .._model.topology import ClusterPart
+from .._objects.pod_settings import promised
+from .._update.events import EVENTS_NAME
+from . import held, host_run, ros_graph, rows
 from .host_run import HostRun
-from .ros_graph import Graphs
-from .rows import Status, Trouble
+from .kept import REF, kept_runs, kept_steps
+from .results import Result, message_of
+from .ros_graph import Graphs, apps_of
+from .rows import SHARED, Promise, Status, Trouble, Workload
+
+SECONDS = 60.0
+MOST_AT_ONCE = 16
+# Kind and label selector. Nothing is asked for that is not shown.
+KINDS = {
+    "Node": "",
+    "Deployment": f"app.kubernetes.io/managed-by={names.MANAGER}",
+    "Pod": names.LABEL_APP,
+    "PersistentVolumeClaim": "",
+    "Service": "",
+    "StorageClass": "",
+}
+TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
+# What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
+_USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
 
 
 @dataclass(frozen=True)
@@ -39,14 +71,14 @@ class Look:
     runs: tuple[HostRun, ...] = ()
     name: str = ""
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         """For the tasks between: the sections beside the rest."""
         runs = [run.as_dict() for run in self.runs]
         more = {"graphs": plain(self.graphs), "promised": plain(self.promised), "name": self.name, "runs": runs}
         return {**plain(self.status), **more}
 
     @classmethod
-    def from_dict(cls, told: Mapping[str, Any]) -> Look:
+    def from_dict(cls, told: Document) -> Look:
         """What `as_dict` made of it."""
         runs = tuple(map(HostRun.from_dict, told.get("runs") or ()))
         return replace(read(cls, {**told, "status": told, "runs": ()}), runs=runs)
@@ -70,9 +102,167 @@ def status_of(look: Look, graphs: Graphs, reports: Mapping[str, str], more: Iter
         seen,
         problems=(*seen.problems, *more, *held.ending_rows(seen.workloads), *crashes, *unreadable),
         ended=tuple(ended),
-        ros_nodes=tuple(ros_graph.node_rows(graphs, ros_graph.Places(seen.workloads, seen.nodes))),
+        ros_nodes=tuple(ros_graph.node_rows(graphs, seen.workloads, seen.nodes)),
         topics=tuple(ros_graph.topic_rows(graphs, kept)),
         links=tuple(ros_graph.links(graphs)),
         outcomes=tuple(host_run.outcome_rows(runs)),
         steps=tuple(host_run.step_rows(runs)),
     )
+
+
+# ---- clusters
+
+
+@dataclass
+class Answer:
+    """The objects of a cluster by kind, why there are no more of them (empty: these are all), and the last runs that it
+    keeps."""
+
+    objects: dict[str, list[Object]] = field(default_factory=dict)
+    problem: str = ""
+    runs: list[HostRun] = field(default_factory=list)
+
+
+def ask(opened: Mapping[str, Callable[[], Kube]], seconds: float = SECONDS) -> dict[str, Answer]:
+    """The answer of each cluster, by its name; `opened` connects to it, or raises one of our errors."""
+    answers: dict[str, Answer] = {}
+    pool = ThreadPoolExecutor(MOST_AT_ONCE)
+    # All are opened before any is closed: the client's temporary files of keys go with the first that is closed.
+    with ExitStack() as open_ones:
+        running = {}
+        for cluster, connect in opened.items():
+            try:
+                kube = open_ones.enter_context(connect())
+            except FleetError as error:
+                answers[cluster] = Answer(problem=str(error))
+            else:
+                running[cluster] = pool.submit(_read, kube)
+        wait(running.values(), timeout=seconds)
+        late = Answer(problem=f"no answer within {seconds:.0f} s")
+        answers.update((cluster, one.result() if one.done() else late) for cluster, one in running.items())
+        pool.shutdown(wait=False, cancel_futures=True)
+    return {cluster: answers[cluster] for cluster in opened}
+
+
+def _read(kube: Kube) -> Answer:
+    answer = Answer()
+    try:
+        for kind, labels in KINDS.items():
+            answer.objects[kind] = kube.objects(kind, labels=labels)
+        answer.runs += kept_runs(kube.get(REF))
+        answer.runs += kept_steps(kube.objects("ConfigMap", fields=f"metadata.name={EVENTS_NAME}"))
+    except KubeError as error:
+        answer.problem = str(error)
+    return answer
+
+
+# ---- hosts
+
+
+@dataclass(frozen=True)
+class Member:
+    """A host of this run, with the robot that it is. `away` is why it does not answer, None where it does."""
+
+    name: str
+    address: str
+    part: ClusterPart
+    robot: Robot | None = None
+    away: str | None = None
+
+    @property
+    def graph(self) -> str:
+        """Whose ROS graph the robot's is. A robot that is a cluster of its own shares with nobody."""
+        shared = self.robot is not None and self.robot.master.mode == "shared" and self.part.servers != (self.name,)
+        return SHARED if shared else self.name
+
+    @property
+    def row(self) -> rows.Host:
+        group, away = "robots" if self.robot else "edge", self.away
+        return rows.Host(self.name, group, self.address, self.part.role, self.part.cluster, away is None, away or "")
+
+
+def members(fleet: Fleet, addresses: Mapping[str, str], results: Mapping[str, Result]) -> list[Member]:
+    """The hosts of a run, by their addresses; `results` are theirs of a task that ran on all of them."""
+    away = {name: message_of(result) for name, result in results.items() if result.get("unreachable")}
+    robots = {name: fleet.robots.get(name) for name in addresses}
+    return [Member(name, at, fleet.hosts[name], robots[name], away.get(name)) for name, at in addresses.items()]
+
+
+def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]]:
+    """Each cluster that can be asked with a host of it, and why the others cannot. A server that is off would be
+    waited for; one that this run does not have may be up."""
+    asked: dict[str, str] = {}
+    silent: dict[str, str] = {}
+    by_name = {host.name: host for host in hosts}
+    for host in by_name.values():
+        servers = [by_name[name] for name in host.part.servers if name in by_name]
+        if servers and all(server.away is not None for server in servers):
+            silent[host.part.cluster] = "its servers are unreachable"
+        else:
+            asked.setdefault(host.part.cluster, host.name)
+    return asked, silent
+
+
+def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Trouble]:
+    """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
+    servers = {server for host in hosts for server in host.part.servers}
+    by_cluster = {host.part.cluster: host.name for host in hosts if host.name in servers}
+    look = "ansible {} -b -a 'systemctl status k3s'"
+    return [
+        Trouble(f"cluster {name}", f"does not answer: {why}", look.format(by_cluster.get(name, name)), cluster=name)
+        for name, why in silent.items()
+    ]
+
+
+def graphs_to_read(
+    hosts: Iterable[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Workload]
+) -> dict[str, Asked]:
+    """Which robot reads whose graph.
+
+    A shared master's graph is all robots': the first of them that answers reads it. `services` are each cluster's.
+    """
+    found: dict[str, Asked] = {}
+    taken = set()
+    for host in hosts:
+        if host.robot is None or host.away is not None or host.graph in taken:
+            continue
+        uri = _master_uri(host.robot, services.get(host.part.cluster, ()))
+        if uri:
+            taken.add(host.graph)
+            pods = {address for row in apps_of(host.graph, apps) for address in row.addresses}
+            found[host.name] = Asked(host.graph, uri, tuple(sorted(pods)))
+    return found
+
+
+def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Promise]]:
+    """What apps' readiness says of topics' rates, by graph and topic."""
+    found: dict[str, dict[str, Promise]] = {}
+    for host in hosts:
+        for topic, app, said in promised(host.robot) if host.robot else ():
+            if rate := said.get("min_rate"):
+                owner = host.name if app.scope == "robot" else SHARED
+                found.setdefault(host.graph, {})[topic] = Promise(rate, app.name, owner)
+    return found
+
+
+def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
+    """Where a host of the cluster reaches the robot's master; empty where there is none."""
+    if robot.master.mode == "external":
+        return robot.master.uri
+    wanted = (master_namespace(robot), names.MASTER_NAME)
+    found = (one["spec"]["clusterIP"] for one in services if (meta(one).get("namespace"), name_of(one)) == wanted)
+    return next((f"http://{address}:{names.MASTER_PORT}" for address in found), "")
+
+
+def unmeasured(results: Mapping[str, Result]) -> list[Trouble]:
+    """Hosts whose volumes took longer to measure than `timeout` gave them: what is known of them is not all."""
+    what = "measuring what they hold took too long; some have no number"
+    todo = "ansible-playbook rosops.fleet.status -e status_storage_seconds=120"
+    slow = [host for host, result in results.items() if result.get("rc") in TIMED_OUT]
+    return [Trouble(f"volumes of {host}", what, todo) for host in slow]
+
+
+def usage_of(results: Iterable[Result]) -> dict[str, int]:
+    """Bytes by `<namespace>/<claim>`, from what `du -sb` said on the hosts."""
+    lines = [_USAGE.fullmatch(line) for result in results for line in result.get("stdout_lines") or []]
+    return {f"{found[2]}/{found[3]}": int(found[1]) for found in lines if found}

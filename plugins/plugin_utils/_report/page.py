@@ -12,17 +12,17 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from ...module_utils._common.documents import Data
 from .attention import attention
-from .glance import counts, host_lines, hosts_off, level
-from .rows import Row, Status
-from .text import SECTIONS, Columns, Source, columns, grid, rate_words, words
+from .glance import counts, host_level, hosts_off, level, share
+from .rows import Host, Row, Status, Topic
+from .text import SECTIONS, TITLES, Columns, columns, grid, rate_words, when, words
 
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
 LONG = 28  # characters of a word from which it may be broken anywhere
@@ -32,29 +32,10 @@ NUMBERS = frozenset({
 })  # fmt: skip
 NAMES = frozenset({"app", "helper", "node", "topic", "claim", "step"})
 # What a terminal has no room for.
-MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
-COLUMNS: Mapping[tuple[str, str], Source] = {
-    ("outcomes", "started"): lambda row: _when(row.started),
-}
-HOST_COLUMNS = columns(
-    "host", "group", "state", "node", "master", ("apps ready", "apps"), ("ROS nodes up", "ros_nodes"), "topics",
-    ("messages/s", lambda row: "" if row.messages is None else rate_words(row.messages)[: -len(" Hz")]),
-    ("last outcome", "outcome"),
-)  # fmt: skip
+MORE_COLUMNS: Mapping[str, Columns] = {"steps": columns(("phases, s", "phases"), "id")}
 _MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
 # control characters, halves of surrogate pairs, and the two that are no characters at all
 _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-
-
-class Section(NamedTuple):
-    """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
-
-    key: str
-    title: str
-    headers: Sequence[str]
-    lines: Sequence[Sequence[str]]
-    levels: Sequence[str]
-    naming: int
 
 
 def status_page(status: Status, made: str, previous: str = "", limit: str = "", name: str = "") -> str:
@@ -76,44 +57,59 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters.update(digest=_digest, when=_when, words=words)
+    environment.filters.update(digest=_digest, when=when, words=words)
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)
     sections = [
-        _section(key, _titled(title), shown, status.rows(key), off)
-        for title, key, shown in SECTIONS
+        _section(key, TITLES[key], shown, found, [level(row, off) for row in found])
+        for _title, key, shown in SECTIONS
+        for found in [status.rows(key)]
         if key != "problems"
     ]
+    hosts = status.hosts
     return environment.get_template("page.html.j2").render(
         made=made,
         limit=limit,
         title=f"{words(name)}: fleet status" if name else "Fleet status",
         counts=counts(status),
+        titles=TITLES,
         attention=attention(status),
-        hosts=_section("glance", "By host", HOST_COLUMNS, host_lines(status)),
+        hosts=_section("glance", "By host", host_columns(status), hosts, [host_level(status, one) for one in hosts]),
         sections=sections,
         numbers=NUMBERS,
         unfolded=UNFOLDED,
     )
 
 
-def _section(key: str, title: str, given: Columns, rows: Sequence[Row], off: Collection[str] = ()) -> Section:
-    shown = [(header, COLUMNS.get((key, header), source)) for header, source in given]
-    headers, lines = grid([*shown, *MORE_COLUMNS.get(key, ())], rows)
+def host_columns(status: Status) -> Columns:
+    """Of a line per host: what runs for it, as shares that are in order, and what became of it."""
+    nodes = {row.name: "Ready" if row.ready else "NotReady" for row in status.nodes}
+    outcomes = {row.host: row.outcome for row in status.outcomes}
+
+    def topics(host: Host) -> list[Topic]:
+        return [row for row in status.topics if row.robot == host.name]
+
+    def messages(host: Host) -> str:
+        rate = sum(row.rate or 0.0 for row in topics(host))
+        return rate_words(rate).removesuffix(" Hz") if rate else ""
+
+    return columns(
+        ("host", "name"), "group", ("state", lambda host: "up" if host.reachable else "offline"),
+        ("node", lambda host: nodes.get(host.name)), ("master", lambda host: share(status.masters, host.name)),
+        ("apps ready", lambda host: share(status.apps, host.name)),
+        ("ROS nodes up", lambda host: share(status.ros_nodes, host.name)),
+        ("topics", lambda host: len(topics(host)) or None), ("messages/s", messages),
+        ("last outcome", lambda host: outcomes.get(host.name)),
+    )  # fmt: skip
+
+
+def _section(key: str, title: str, given: Columns, rows: Sequence[Row], levels: Sequence[str]) -> Data:
+    """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
+    headers, lines = grid([*given, *MORE_COLUMNS.get(key, ())], rows)
     # the first column names a row, but for the robot, where many rows share that
     naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0
-    cells = [[words(cell) for cell in line] for line in lines]
-    return Section(key, title, headers, cells, [level(row, off) for row in rows], naming)
-
-
-def _titled(title: str) -> str:
-    """`ROS NODES` as a heading: words that are names stay as they are."""
-    first, *rest = title.split()
-    return " ".join([first if first == "ROS" else first.capitalize(), *(word.lower() for word in rest)])
-
-
-def _when(time: str) -> str:
-    return time.replace("T", " ").replace("Z", " UTC")
+    about = {"key": key, "title": title, "headers": headers, "naming": naming}
+    return {**about, "lines": [[words(cell) for cell in line] for line in lines], "levels": levels}
 
 
 def _text(value: object) -> object:

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ...module_utils._common.documents import Data
 from .._model.outcomes import OUTCOMES
 from .._update.outcome import RobotOutcome
 
@@ -19,25 +19,6 @@ ACTIONS = ("_robot_update", "_update_soak", "_guarded")  # whose result has an o
 HIDDEN = "hidden by no_log"
 CORE_PREFIX = "Task failed: "  # ansible-core 2.19 puts it before every message of a plugin
 MESSAGE_KEPT = 4000  # a result is not a log
-
-
-@dataclass(frozen=True)
-class Ready:
-    """ros_ready's verdict, how many conditions it judged, and those that do not hold."""
-
-    verdict: str
-    elapsed: float | None
-    checks: int
-    unmet: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Rollout:
-    """How many objects rollout_ready waited for, and those that are not rolled out."""
-
-    elapsed: float | None
-    objects: int
-    unmet: tuple[str, ...]
 
 
 def message_of(result: Result) -> str:
@@ -56,27 +37,25 @@ def message_of(result: Result) -> str:
     return (text or "failed without a message")[:MESSAGE_KEPT]
 
 
-def ready_of(action: str, result: Result) -> Ready | None:
+def ready_of(action: str, result: Result) -> Data | None:
+    """ros_ready's verdict, how many conditions it judged, and those that do not hold."""
     if action not in ("ros_ready", "_robot_update") or "verdict" not in result:
         return None
-    checks = [check for check in result.get("checks") or [] if isinstance(check, Mapping)]
-    unmet = [f"{check.get('kind')} {check.get('name')}: {check.get('reason')}" for check in checks
-             if check.get("verdict") != "pass"]  # fmt: skip
-    return Ready(str(result["verdict"]), _seconds(result), len(checks), tuple(unmet))
+    checks = result.get("checks") or ()
+    unmet = ["{kind} {name}: {reason}".format_map(one) for one in _unmet(checks)]
+    return {"verdict": result["verdict"], "elapsed": result.get("elapsed"), "checks": len(checks), "unmet": unmet}
 
 
-def rollout_of(action: str, result: Result) -> Rollout | None:
+def rollout_of(action: str, result: Result) -> Data | None:
+    """How many objects rollout_ready waited for, and those that are not rolled out."""
     if action != "rollout_ready" or "objects" not in result:
         return None
-    rows = [row for row in result["objects"] or [] if isinstance(row, Mapping)]
-    unmet = [f"{row.get('kind')} {row.get('namespace')}/{row.get('name')}: {row.get('reason')}" for row in rows
-             if row.get("verdict") != "pass"]  # fmt: skip
-    return Rollout(_seconds(result), len(rows), tuple(unmet))
+    unmet = ["{kind} {namespace}/{name}: {reason}".format_map(one) for one in _unmet(result["objects"])]
+    return {"elapsed": result.get("elapsed"), "objects": len(result["objects"]), "unmet": unmet}
 
 
-def _seconds(result: Result) -> float | None:
-    elapsed = result.get("elapsed")
-    return elapsed if isinstance(elapsed, (int, float)) else None
+def _unmet(judged: Sequence[Result]) -> Iterator[Result]:
+    return (one for one in judged if one["verdict"] != "pass")
 
 
 def outcome_of(action: str, result: Result) -> RobotOutcome | None:

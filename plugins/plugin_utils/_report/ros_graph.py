@@ -11,7 +11,7 @@ problem. One that has ended nobody knows how may have done its work: a row, for 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...module_utils._common.documents import Result
@@ -67,33 +67,25 @@ def owners_of(apps: Iterable[Workload]) -> dict[str, Owner]:
     return {address: owners.pop() for address, owners in found.items() if len(owners) == 1}
 
 
-class Places:
-    """Where ROS nodes run, and for which app, by the addresses that they are registered with. `apps`: masters, too."""
-
-    def __init__(self, apps: Iterable[Workload], nodes: Iterable[rows.Node]) -> None:
-        self._apps = list(apps)
-        self._nodes = {row.address: row.name for row in nodes if row.address}
-
-    def of(self, graph: str, uri: str) -> tuple[str, str]:
-        """Of a node with this URI: `rows.RosNode.at` and `rows.RosNode.app`."""
-        address = host_of(uri)
-        here = [row for row in apps_of(graph, self._apps) if address in row.addresses]
-        if len(_hosts(here)) > 1:  # pods of two clusters may have it: then the robot's own is meant
-            here = [row for row in here if row.robot == graph]
-        hosts = _hosts(here)
-        at = hosts.pop() if len(hosts) == 1 else self._nodes.get(address, address)
-        return at, owners_of(here).get(address, ("", ""))[1]
+def place(graph: str, uri: str, apps: Iterable[Workload], hosts: Mapping[str, str]) -> tuple[str, str]:
+    """Where a ROS node runs, and for which app: `rows.RosNode.at` and `rows.RosNode.app`, by the address that it is
+    registered with. `apps` are masters, too, `hosts` the nodes' names by address."""
+    address = host_of(uri)
+    here = [row for row in apps_of(graph, apps) if address in row.addresses]
+    if len({host for row in here for host in row.nodes}) > 1:
+        # pods of two clusters may have it: then the robot's own is meant
+        here = [row for row in here if row.robot == graph]
+    found = {host for row in here for host in row.nodes}
+    at = found.pop() if len(found) == 1 else hosts.get(address, address)
+    return at, owners_of(here).get(address, ("", ""))[1]
 
 
-def _hosts(workloads: Iterable[Workload]) -> set[str]:
-    return {host for row in workloads for host in row.nodes}
-
-
-def node_rows(graphs: Graphs, places: Places) -> Iterator[rows.RosNode]:
+def node_rows(graphs: Graphs, apps: Sequence[Workload], nodes: Iterable[rows.Node]) -> Iterator[rows.RosNode]:
+    hosts = {row.address: row.name for row in nodes if row.address}
     for robot, one in sorted(graphs.items()):
         for node in map(one.graph.node, one.graph.names):
             sizes = len(node.publications), len(node.subscriptions)
-            where = places.of(robot, node.uri)
+            where = place(robot, node.uri, apps, hosts)
             yield rows.RosNode(robot, node.name, *where, node.reachable, node.error, *sizes, node.services)
 
 
@@ -114,14 +106,17 @@ def links(graphs: Graphs) -> list[rows.Link]:
 
 def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
     for name in sorted(graph.actions):
-        yield _action_link(rows.Link(robot, name, action=True), graph)
+        # from its clients to its server; goals have to get there, results have to come back
+        goal, result = graph.topic(f"{name}/goal"), graph.topic(f"{name}/result")
+        back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
+        yield _link(rows.Link(robot, name, action=True), goal, (*_broken(goal, graph), *back))
     of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
     for name, topic in sorted(graph.topics.items()):
         if name not in of_actions | PLUMBING_TOPICS:
-            yield _ends(rows.Link(robot, name), topic, _broken(topic, graph))
+            yield _link(rows.Link(robot, name), topic, _broken(topic, graph))
 
 
-def _ends(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
+def _link(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
     pairs = tuple(dict.fromkeys((one.name, other.name) for one, other in broken))
     ends = tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers))
     return replace(link, publishers=ends[0], subscribers=ends[1], broken=pairs)
@@ -132,13 +127,6 @@ def _broken(topic: Topic, graph: Graph) -> Iterator[tuple[NodeKey, NodeKey]]:
     for ends in itertools.product(topic.publishers, topic.subscribers):
         if all(graph.at(end).reachable for end in ends) and ends not in topic.connections:
             yield ends
-
-
-def _action_link(link: rows.Link, graph: Graph) -> rows.Link:
-    """From its clients to its server; goals have to get there, results have to come back."""
-    goal, result = graph.topic(f"{link.name}/goal"), graph.topic(f"{link.name}/result")
-    back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
-    return _ends(link, goal, (*_broken(goal, graph), *back))
 
 
 def launched_rows(apps: Iterable[Workload], graphs: Graphs) -> tuple[list[Trouble], list[rows.Ended]]:

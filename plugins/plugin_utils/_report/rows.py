@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a fleet stands, as rows: a type for those of each section, and all sections. Pure."""
+"""How a fleet stands, as rows: a type for those of each section, with what is told of one, and all sections. Pure."""
 
 from __future__ import annotations
 
@@ -10,15 +10,35 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .._model import names
+from .._model.formats import quantity_value
 from .._model.keys import plain
+from .._model.outcomes import BUSY, OFFLINE
+from .._objects.exporter import NAME as EXPORTER_NAME
 
 SHARED = "(shared)"  # whose the graph of a shared master is, and an app of the whole fleet
 NAMED = 6  # a line has no room for the names of a whole fleet
+HELPERS = frozenset({names.KEEPER_NAME, EXPORTER_NAME})  # beside each master; nobody has written them into an inventory
+OURS = frozenset({"site.yml", "update.yml", "rollback.yml"})  # playbooks that a user may run again by their name
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is said of a row. `todo` is a command, or a sentence where there is none; `runbook` the name of a page."""
+
+    where: str
+    what: str
+    since: str = ""
+    todo: str = ""
+    runbook: str = ""
 
 
 @dataclass(frozen=True)
 class Row:
     """A line of a section."""
+
+    def told(self) -> Told:
+        """Where it is not as it should be."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -40,6 +60,9 @@ class Trouble(Row):
     cluster: str = ""
     graph: str = ""
 
+    def told(self) -> Told:
+        return Told(self.where, self.what, self.since, self.todo)
+
 
 @dataclass(frozen=True)
 class Host(Row):
@@ -50,6 +73,11 @@ class Host(Row):
     cluster: str = ""
     reachable: bool = True
     reason: str = ""
+
+    def told(self) -> Told:
+        runbook = "RobotOffline" if self.group == "robots" else ""
+        todo = f"ansible {self.name} -m ansible.builtin.ping"
+        return Told(f"host {self.name}", joined("offline", self.reason), "", todo, runbook)
 
 
 @dataclass(frozen=True)
@@ -66,6 +94,13 @@ class Node(Row):
     placement: str = ""
     robot: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
+
+    def told(self) -> Told:
+        ready, where = joined("Ready", self.reason), f"node {self.name}"
+        if self.ready:
+            return Told(where, ready, self.since, f"k3s kubectl uncordon {self.name}")
+        todo = f"ansible {self.name} -b -a 'systemctl status k3s k3s-agent'"
+        return Told(where, f"Not{ready}", self.since, todo, "RobotOffline")
 
 
 @dataclass(frozen=True)
@@ -94,6 +129,20 @@ class Workload(OfRobot):
     since: str = ""
     note: str = ""
 
+    @property
+    def is_master(self) -> bool:
+        return self.name == names.MASTER_NAME
+
+    def told(self) -> Told:
+        where = "ROS master" if self.is_master else self.name if self.name in HELPERS else f"app {self.name}"
+        note, todo = self.note, f"k3s kubectl -n {self.namespace} describe pod -l rosops.fleet/app={self.name}"
+        if "CrashLoopBackOff" in note or self.ended:
+            todo = f"k3s kubectl -n {self.namespace} logs deploy/{self.name} --previous"
+        if self.ended and "CrashLoopBackOff" not in note:
+            note = "; ".join(filter(None, (note, self.ended)))
+        what = joined(f"{self.ready} of {self.wanted} ready", note)
+        return Told(f"{where} of {self.robot}", what, self.since, todo, "RosMasterDown" if self.is_master else "")
+
 
 @dataclass(frozen=True)
 class WentBack(OfRobot):
@@ -105,6 +154,11 @@ class WentBack(OfRobot):
     at: str = ""
     reason: str = ""
 
+    def told(self) -> Told:
+        what = joined(f"taken back by the keeper, from {self.before} to {self.after}", self.reason)
+        todo = logs_of(self.robot, names.KEEPER_NAME)
+        return Told(f"app {self.name} of {self.robot}", what, self.at, todo, "RobotUpdateFailed")
+
 
 @dataclass(frozen=True)
 class Ended(Row):
@@ -114,6 +168,11 @@ class Ended(Row):
     app: str = ""
     node: str = ""
     host: str = ""
+
+    def told(self) -> Told:
+        where = f"app {self.app}" if self.app else f"launch file at {self.host}"
+        what = f"{self.node} has ended; its exit code is in the pod's log alone"
+        return Told(f"{where} of {self.robot}", what, "", logs_of(self.robot, self.app) if self.app else "")
 
 
 @dataclass(frozen=True)
@@ -127,6 +186,10 @@ class RosNode(OfRobot):
     publications: int = 0
     subscriptions: int = 0
     services: tuple[str, ...] = ()
+
+    def told(self) -> Told:
+        todo = logs_of(self.robot, self.app, " --since 10m") if self.app else ""
+        return Told(f"ROS node {self.name} of {self.robot}", joined("down", self.error), "", todo, "RosNodeDown")
 
 
 @dataclass(frozen=True)
@@ -148,6 +211,15 @@ class Topic(OfRobot):
     promised: Promise | None = None
     note: str = ""
 
+    def told(self) -> Told:
+        where = f"topic {self.name} of {self.robot}"
+        found = "nobody publishes it" if self.rate is None else f"{self.rate:.1f} Hz"
+        if self.promised is None:
+            return Told(where, found)
+        told = f"{found}; {self.promised.app} promises at least {self.promised.min_rate:g} Hz"
+        todo = logs_of(self.promised.robot, self.promised.app, " --since 10m")
+        return Told(where, told, "", todo, "RosTopicSilent" if self.rate is None else "RosTopicRateDrop")
+
 
 @dataclass(frozen=True)
 class Link(OfRobot):
@@ -157,6 +229,12 @@ class Link(OfRobot):
     publishers: tuple[str, ...] = ()
     subscribers: tuple[str, ...] = ()
     broken: tuple[tuple[str, str], ...] = ()
+
+    def told(self) -> Told:
+        """Who is registered as a subscriber, is alive, and does not get what a publisher sends."""
+        pairs = [f"{publisher} is not connected to {subscriber}" for publisher, subscriber in self.broken]
+        todo = f"ansible-playbook rosops.fleet.status --limit {self.robot}"
+        return Told(f"topic {self.name} of {self.robot}", some(pairs), "", todo, "RosTopicSilent")
 
 
 @dataclass(frozen=True)
@@ -173,6 +251,21 @@ class Claim(OfRobot):
     used_bytes: int | None = None
     note: str = ""
 
+    @property
+    def used_share(self) -> float | None:
+        """How much of its size it holds; None where either is not known."""
+        size = quantity_value(self.size)
+        return float(self.used_bytes) / float(size) if size and self.used_bytes is not None else None
+
+    def told(self) -> Told:
+        where, kubectl = f"claim {self.name} of {self.robot}", f"k3s kubectl -n {self.namespace}"
+        if not self.bound:
+            what = self.note or self.phase or "not bound"
+            return Told(where, what, self.since, f"{kubectl} describe pvc {self.name}")
+        # a host that is off takes its claims along; one without a number is not told by itself
+        what = "not measured" if self.used_share is None else f"{self.used_share:.0%} used"
+        return Told(where, what, "", f"{kubectl} get pvc {self.name}", "PvcNearlyFull")
+
 
 @dataclass(frozen=True)
 class LastRun(Row):
@@ -184,6 +277,14 @@ class LastRun(Row):
     started: str = ""
     changed: int = 0
     note: str = ""
+
+    def told(self) -> Told:
+        named = f"rosops.fleet.{self.playbook.removesuffix('.yml')}" if self.playbook in OURS else self.playbook
+        where, what = f"last {self.playbook} on {self.host}", joined(self.outcome, self.note)
+        todo = f"ansible-playbook {named} --limit {self.host}"
+        if self.outcome in (BUSY, OFFLINE):
+            return Told(where, what, self.started, todo)
+        return Told(where, what, self.started, f"{todo} --check --diff", "RobotUpdateFailed")
 
 
 @dataclass(frozen=True)
@@ -236,6 +337,10 @@ class Status:
         for row in (*found["went_back"], *found["steps"]):
             row["from"], row["to"] = row.pop("before"), row.pop("after")
         return found
+
+
+def joined(words: str, more: str) -> str:
+    return f"{words}: {more}" if more else words
 
 
 def some(given: Sequence[str]) -> str:

@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of every host in a run, and where the time went.
+"""What became of every host in a run, and where the time went: as a file (the callback's documentation has its keys),
+and as lines of the screen.
 
 Pure: the callback tells what happens and when, `finish` makes a report of it.
 """
@@ -10,48 +11,116 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
 
+from ...module_utils._common.documents import Data
 from .._model import outcomes
+from .._model.keys import plain
 from .._update.outcome import RobotOutcome
-from . import report, results
-from .host_run import HostRun, Noted
+from . import results
+from .host_run import HostRun, Noted, note_of
 from .results import Result
+from .text import table
 
 SLOWEST = 10
 CHANGED_KEPT = 100
+STAGES_SHOWN = 6
 NONE = RobotOutcome("")
+HEADERS = ("host", "outcome", "ros graph", "changed", "note")
+# In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words of outcomes.
+WOULD = {outcomes.UPDATED: "would change", outcomes.UNCHANGED: "would not change"}
 
 Counts = Mapping[str, int]  # Ansible's own of a host: ok, changed, failures, unreachable
+Api = Mapping[str, str]  # of a cluster: its `host`, and the `source` of the access
 
 
 @dataclass(frozen=True)
-class TaskInfo:
-    """What is known of a task before it runs. `for_all`: its failure ends the play for every host."""
+class HostReport:
+    """`changed` are names of tasks, `counts` Ansible's own."""
+
+    host: str
+    groups: tuple[str, ...]
+    outcome: RobotOutcome
+    failed_task: str | None
+    changed: tuple[str, ...]
+    ready: Data | None
+    rollout: Data | None
+    counts: Counts
+
+    def as_dict(self) -> Data:
+        return {**plain(self), **self.outcome.as_dict()}
+
+    @property
+    def note(self) -> str:
+        return note_of(self.outcome.reason, self.failed_task or "")
+
+    @property
+    def graph(self) -> str:
+        """The last verdict on the ROS graph, in words."""
+        if self.ready is None:
+            return ""
+        elapsed = self.ready["elapsed"]
+        return f"{self.ready['verdict']}" + ("" if elapsed is None else f" {elapsed:.1f} s")
+
+
+@dataclass(frozen=True)
+class Report:
+    """Times are in seconds, but for `started`, which is in UTC; `outcomes` are how many of each, `tasks` how many.
+
+    A play or a stage is `{name, seconds}`.
+    """
+
+    playbook: str
+    check_mode: bool
+    started: str
+    elapsed: float
+    outcomes: Mapping[str, int]
+    hosts: tuple[HostReport, ...]
+    plays: tuple[Data, ...]
+    stages: tuple[Data, ...]
+    slowest_tasks: tuple[Data, ...]
+    tasks: int
+    apis: Mapping[str, Api]
+
+    def as_dict(self) -> Data:
+        """As it is written."""
+        return {**plain(self), "hosts": [host.as_dict() for host in self.hosts]}
+
+
+def word_of(outcome: str, check_mode: bool) -> str:
+    return WOULD.get(outcome, outcome) if check_mode else outcome
+
+
+def screen(report: Report, width: int = 120) -> list[str]:
+    """The report in lines: a host each, then where the time went."""
+    words = [word_of(host.outcome.outcome, report.check_mode) for host in report.hosts]
+    rows = [
+        (host.host, word, host.graph, host.counts.get("changed", 0), host.note)
+        for host, word in zip(report.hosts, words)
+    ]
+    lines = table(HEADERS, rows, width, wrapped=True) if rows else ["no host took part"]
+    slow = sorted(report.stages, key=itemgetter("seconds"), reverse=True)[:STAGES_SHOWN]
+    spent = ", ".join(f"{one['name']} {one['seconds']:.1f} s" for one in slow if one["seconds"] >= 0.1)
+    return [*lines, f"{report.elapsed:.1f} s" + (f": {spent}" if spent else "")]
+
+
+# ---- what happens
+
+
+@dataclass
+class Task:
+    """The callback knows its name, its action, its stage (a role), and whether its failure ends the play `for_all`."""
 
     name: str
     action: str
     stage: str = ""
     for_all: bool = False
-
-
-@dataclass
-class _Task:
-    info: TaskInfo
-    play: str
+    play: str = ""
     seconds: float = 0.0
     hosts: set[str] = field(default_factory=set)
     changed: set[str] = field(default_factory=set)
     begun: float | None = None
     ended: float = 0.0
-
-    @property
-    def action(self) -> str:
-        """Without its collection."""
-        return self.info.action.rpartition(".")[2]
-
-    @property
-    def stage(self) -> str:
-        return self.info.stage or self.play
 
     def close(self) -> None:
         """Add what has passed since it began; a task begins once per batch of hosts."""
@@ -59,32 +128,28 @@ class _Task:
             self.seconds += max(self.ended - self.begun, 0.0)
         self.begun = None
 
-    def row(self) -> report.TaskReport:
-        where, seconds = (self.play, self.stage), round(self.seconds, 3)
-        return report.TaskReport(self.info.name, self.action, *where, seconds, len(self.hosts), len(self.changed))
-
-
-@dataclass(frozen=True)
-class _Failure:
-    task: str
-    message: str
+    def row(self) -> Data:
+        """As the report has it: `hosts` and `changed` are how many."""
+        where = {"name": self.name, "action": self.action, "play": self.play, "stage": self.stage}
+        return {**where, "seconds": round(self.seconds, 3), "hosts": len(self.hosts), "changed": len(self.changed)}
 
 
 @dataclass
 class _Host:
     groups: tuple[str, ...] = ()
     changed: list[str] = field(default_factory=list)
-    failure: _Failure | None = None
+    failure: str | None = None  # what was said of it
+    failed_task: str = ""
     unreachable: str = ""
-    ready: results.Ready | None = None
-    rollout: results.Rollout | None = None
+    ready: Data | None = None
+    rollout: Data | None = None
     declared: RobotOutcome | None = None
     blocked: list[tuple[str, str]] = field(default_factory=list)  # host that ended the run for this one, and how
 
     def outcome(self, counts: Counts, ended: Iterable[str]) -> RobotOutcome:
         """What became of it. `counts` know what was rescued, `ended` are the hosts that failed or were lost."""
         declared = self.declared or NONE
-        message = self.failure.message if self.failure else ""
+        message = self.failure or ""
         # A host may fail on purpose, for the exit status: then the word that was declared says more.
         on_purpose = declared.outcome in (outcomes.ROLLED_BACK, outcomes.BUSY, outcomes.OFFLINE, outcomes.FAILED)
         left = [how for other, how in self.blocked if other in ended]
@@ -118,9 +183,9 @@ class RunReport:
     def __init__(self, now: float = 0.0) -> None:
         self._begun = now
         self._plays: list[_Play] = []
-        self._tasks: dict[str, _Task] = {}
+        self._tasks: dict[str, Task] = {}
         self._hosts: dict[str, _Host] = {}
-        self._apis: dict[str, report.Api] = {}
+        self._apis: dict[str, Api] = {}
 
     def host(self, name: str, groups: Iterable[str] = ()) -> _Host:
         host = self._hosts.setdefault(name, _Host())
@@ -134,40 +199,40 @@ class RunReport:
         for host in self._plays[-1].hosts:
             self.host(host)
 
-    def task(self, key: str, info: TaskInfo, now: float) -> None:
+    def task(self, key: str, new: Task, now: float) -> None:
+        """It begins, be it for a further batch of hosts."""
         for task in self._tasks.values():
             task.close()
-        play = self._plays[-1].name if self._plays else ""
-        task = self._tasks.setdefault(key, _Task(info, play))
+        new.play = self._plays[-1].name if self._plays else ""
+        new.stage, new.action = new.stage or new.play, new.action.rpartition(".")[2]
+        task = self._tasks.setdefault(key, new)
         task.begun, task.ended = now, now
 
     def ok(self, key: str, host: str, result: Result, now: float) -> None:
-        task = self._note(key, host, now)
+        task = self.ran(key, host, now)
         if result.get("changed") and task:
             task.changed.add(host)
             changed = self.host(host).changed
-            if task.info.name not in changed and len(changed) < CHANGED_KEPT:
-                changed.append(task.info.name)
+            if task.name not in changed and len(changed) < CHANGED_KEPT:
+                changed.append(task.name)
         self._learn(task, host, result)
 
     def failed(self, key: str, host: str, result: Result, now: float, ignored: bool = False) -> None:
-        task = self._note(key, host, now)
+        task = self.ran(key, host, now)
         self._learn(task, host, result)
         if ignored:
             return
         # what makes a host leave the run says nothing of what became of it
-        name = task.info.name if task and task.action != "_leave" else ""
-        self.host(host).failure = _Failure(name, results.message_of(result))
-        if task and task.info.for_all and self._plays:
+        name = task.name if task and task.action != "_leave" else ""
+        own = self.host(host)
+        own.failure, own.failed_task = results.message_of(result), name
+        if task and task.for_all and self._plays:
             for other in self._plays[-1].hosts:
                 if other != host:
                     self.host(other).blocked.append((host, f"not carried on: {name} failed on {host} for all hosts"))
 
-    def skipped(self, key: str, host: str, now: float) -> None:
-        self._note(key, host, now)
-
     def unreachable(self, key: str, host: str, result: Result, now: float) -> None:
-        self._note(key, host, now)
+        self.ran(key, host, now)
         self.host(host).unreachable = results.message_of(result)
 
     def cut_short(self) -> None:
@@ -177,11 +242,12 @@ class RunReport:
         for name, host in ended[:1]:
             how, why = "the connection was lost", host.unreachable
             if host.failure:
-                how, why = f"{host.failure.task} failed", host.failure.message or why
+                how, why = f"{host.failed_task} failed", host.failure
             for other in self._hosts.keys() - there.keys():
                 self._hosts[other].blocked.append((name, f"not carried on: the run ended on {name}: {how}: {why}"))
 
-    def _note(self, key: str, host: str, now: float) -> _Task | None:
+    def ran(self, key: str, host: str, now: float) -> Task | None:
+        """It did something for the host, or was skipped."""
         task = self._tasks.get(key)
         self.host(host)
         if task:
@@ -189,7 +255,7 @@ class RunReport:
             task.ended = now
         return task
 
-    def _learn(self, task: _Task | None, name: str, result: Result) -> None:
+    def _learn(self, task: Task | None, name: str, result: Result) -> None:
         action, host = task.action if task else "", self.host(name)
         host.declared = results.outcome_of(action, result) or host.declared
         host.ready = results.ready_of(action, result) or host.ready
@@ -203,13 +269,8 @@ class RunReport:
             self._plays[-1].ended = now
 
     def finish(
-        self,
-        stats: Mapping[str, Counts],
-        now: float,
-        playbook: str = "",
-        check_mode: bool = False,
-        started: str = "",
-    ) -> report.Report:
+        self, stats: Mapping[str, Counts], now: float, playbook: str = "", check_mode: bool = False, started: str = ""
+    ) -> Report:
         """The report. `stats` is Ansible's own summary per host: it knows what was rescued."""
         self._close(now)
         names = [name for name in self._hosts if name != "localhost" or name in stats]
@@ -219,40 +280,40 @@ class RunReport:
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
         hosts = tuple(self._host_report(name, stats.get(name) or {}, ended) for name in names)
         words = [host.outcome.outcome for host in hosts]
-        return report.Report(
+        return Report(
             playbook,
             check_mode,
             started,
             round(now - self._begun, 3),
             {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
             hosts,
-            tuple(report.Spent(play.name, round(play.ended - play.begun, 3)) for play in self._plays),
+            tuple({"name": one.name, "seconds": round(one.ended - one.begun, 3)} for one in self._plays),
             self._stages(),
             tuple(task.row() for task in slowest),
             len(self._tasks),
             self._apis,
         )
 
-    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> report.HostReport:
+    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> HostReport:
         host = self._hosts[name]
-        failed = host.failure.task if host.failure and counts.get("failures") else ""
+        failed = (host.failed_task if counts.get("failures") else "") or None
         outcome, changed = host.outcome(counts, ended), tuple(host.changed)
-        return report.HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
+        return HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
 
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
         failed = {name for name, host in self._hosts.items() if host.failure}
         here, lost = dict[str, HostRun](), dict[str, HostRun]()
         for name, host in self._hosts.items():
-            changed, task = len(host.changed), host.failure.task if host.failure else ""
+            changed = len(host.changed)
             stays = host.outcome({"changed": changed, "ok": 1}, ())
             here[name] = HostRun(name, playbook, started, stays, changed)
             gone = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
-            lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, task)
+            lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, host.failed_task)
         return Noted(playbook, started, here, lost)
 
-    def _stages(self) -> tuple[report.Spent, ...]:
+    def _stages(self) -> tuple[Data, ...]:
         stages: dict[str, float] = {}
         for task in self._tasks.values():
             stages[task.stage] = stages.get(task.stage, 0.0) + task.seconds
-        return tuple(report.Spent(name, round(seconds, 3)) for name, seconds in stages.items())
+        return tuple({"name": name, "seconds": round(seconds, 3)} for name, seconds in stages.items())

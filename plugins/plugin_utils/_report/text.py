@@ -1,56 +1,37 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rows of a fleet's status as a page of text, and the tables of plain text that fit a terminal. Pure."""
+"""A fleet's status as text: what needs attention and how many of what, the rows as tables that fit a terminal. Pure."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
+from operator import attrgetter
 from typing import Any
 
 from ...module_utils._common.printable import printable
-from . import rows
-from .glance import OK, level
-from .rows import Row, Status
+from .attention import Finding, attention
+from .glance import BAD, OK, counts, level
+from .rows import Row, Status, Topic
 
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
 NARROWEST_WRAPPED = 40  # what is read line by line
 UNCUT = 10_000
+TABLES = "All tables: the same with -v."
 WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
-Source = str | Callable[[Any], object]  # of a cell: a field of the row, or a function of it
-Columns = Sequence[tuple[str, Source]]  # with their headers
+Columns = Sequence[tuple[str, Callable[[Any], object]]]  # headers, and what makes a cell of a row
 
 
 def size_words(count: int | None) -> str:
     """Bytes as a person reads them."""
     if count is None:
         return ""
-    value = float(count)
-    for unit in ("B", "KiB", "MiB", "GiB"):
-        if value < 1024 or unit == "GiB":
-            return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
-        value /= 1024
-    return ""
-
-
-def _node_state(row: rows.Node) -> str:
-    state = "Ready" if row.ready else "NotReady"
-    return f"{state}, {row.reason}" if row.reason else state
-
-
-def _host_state(row: rows.Host) -> str:
-    return "up" if row.reachable else f"offline {row.reason}"
-
-
-def _used(row: rows.Claim) -> str:
-    return size_words(row.used_bytes)
-
-
-def _count(row: rows.Workload) -> str:
-    return f"{row.ready}/{row.wanted}"
+    power = min(max(count.bit_length() - 1, 0) // 10, 3)
+    return f"{count / 1024**power:.{min(power, 1)}f} {('B', 'KiB', 'MiB', 'GiB')[power]}"
 
 
 def rate_words(rate: float) -> str:
@@ -65,71 +46,71 @@ def rate_words(rate: float) -> str:
     return f"{rate:.{digits}f} Hz"
 
 
-def _rate(row: rows.Topic) -> str:
-    return "" if row.rate is None else rate_words(row.rate)
-
-
-def _promised(row: rows.Topic) -> str:
+def _promised(row: Topic) -> str:
     """Marked where it is not kept; for that there is no colour on a terminal."""
     return f"{row.promised.min_rate:g} Hz{'' if level(row) == OK else ' not kept'}" if row.promised else ""
 
 
-def _state(row: rows.RosNode) -> str:
-    return "up" if row.reachable else f"down: {row.error or 'no answer'}"
+WORKLOAD = (
+    ("ready", lambda row: f"{row.ready}/{row.wanted}"), ("node", "nodes"), "restarts", ("image", "images"), "note",
+)  # fmt: skip
 
 
-def _unconnected(row: rows.Link) -> list[str]:
-    return [f"{publisher} and {subscriber}" for publisher, subscriber in row.broken]
-
-
-WORKLOAD = (("node", "nodes"), "restarts", ("image", "images"), "note")
-
-
-def columns(*items: str | tuple[str, Source]) -> Columns:
-    """A word alone is the header and the field."""
-    return [(item, item) if isinstance(item, str) else item for item in items]
+def columns(*items: str | tuple[str, str | Callable[[Any], object]]) -> Columns:
+    """A word alone is the header and the field of the row."""
+    pairs = [(item, item) if isinstance(item, str) else item for item in items]
+    return [(header, attrgetter(of) if isinstance(of, str) else of) for header, of in pairs]
 
 
 # Title, section, columns.
 SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("PROBLEMS", "problems", columns("where", "what")),
-    ("HOSTS", "hosts", columns(("host", "name"), "group", "address", "role", "cluster", ("state", _host_state))),
+    ("HOSTS", "hosts", columns(
+        ("host", "name"), "group", "address", "role", "cluster",
+        ("state", lambda row: "up" if row.reachable else f"offline {row.reason}"),
+    )),
     ("NODES", "nodes", columns(
-        ("node", "name"), ("state", _node_state), "version", "address", "roles", ("deploymentType", "placement"),
-        "robot", ("other labels", "labels"),
+        ("node", "name"),
+        ("state", lambda row: ("Ready" if row.ready else "NotReady") + (f", {row.reason}" if row.reason else "")),
+        "version", "address", "roles", ("deploymentType", "placement"), "robot", ("other labels", "labels"),
     )),
     ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
-    ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
-    ("HELPERS", "helpers", columns("robot", ("helper", "name"), ("ready", _count), *WORKLOAD)),
-    ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
+    ("ROS MASTERS", "masters", columns("robot", *WORKLOAD)),
+    ("HELPERS", "helpers", columns("robot", ("helper", "name"), *WORKLOAD)),
+    ("APPS", "apps", columns("robot", ("app", "name"), "placement", *WORKLOAD)),
     ("TAKEN BACK BY THE KEEPER", "went_back", columns(
         "robot", ("app", "name"), ("from", "before"), ("to", "after"), "at", "reason",
     )),
     ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
     ("ROS NODES", "ros_nodes", columns(
-        "robot", ("node", "name"), ("on", "at"), ("state", _state), ("publishes", "publications"),
-        ("subscribes", "subscriptions"), ("services", lambda row: len(row.services)),
+        "robot", ("node", "name"), ("on", "at"),
+        ("state", lambda row: "up" if row.reachable else f"down: {row.error or 'no answer'}"),
+        ("publishes", "publications"), ("subscribes", "subscriptions"), ("services", lambda row: len(row.services)),
     )),
     ("ROS GRAPHS", "links", columns(
         "robot", ("topic", "name"), "action", ("from", "publishers"), ("to", "subscribers"),
-        ("not connected", _unconnected),
+        ("not connected", lambda row: [" and ".join(pair) for pair in row.broken]),
     )),
     ("TOPICS", "topics", columns(
-        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections", ("rate", _rate),
-        ("promised", _promised), "note",
+        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections",
+        ("rate", lambda row: "" if row.rate is None else rate_words(row.rate)), ("promised", _promised), "note",
     )),
     ("CLAIMS", "claims", columns(
-        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size", ("used", _used), "note",
+        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size",
+        ("used", lambda row: size_words(row.used_bytes)), "note",
     )),
-    ("LAST OUTCOMES", "outcomes", columns("host", "outcome", ("run", "playbook"), "started", "changed", "note")),
+    ("LAST OUTCOMES", "outcomes", columns(
+        "host", "outcome", ("run", "playbook"), ("started", lambda row: when(row.started)), "changed", "note",
+    )),
     ("LAST UPDATE STEPS", "steps", columns(
         "robot", ("step", "name"), "handoff", "outcome", ("from", "before"), ("to", "after"), "seconds",
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
-OPTIONAL = frozenset(
-    {"note", "other labels", "id", "promised", "not connected"}
-)  # columns that go when nobody has anything in them
+# As headings: words that are names stay as they are.
+TITLES = {key: title.capitalize().replace("Ros ", "ROS ") for title, key, _columns in SECTIONS}
+# columns that go when nobody has anything in them
+OPTIONAL = frozenset({"note", "other labels", "promised", "not connected"})
 # Sections that are worth a line only when there is something in them.
 ONLY_WITH_ROWS = frozenset({"problems", "helpers", "went_back", "ended", "links", "outcomes", "steps"})
 
@@ -157,10 +138,7 @@ def _fit(widths: list[int], room: int) -> list[int]:
     """Take from the widest column until all fit."""
     fitted = list(widths)
     while sum(fitted) > room and max(fitted) > NARROWEST:
-        widest = fitted.index(max(fitted))
-        rest = sorted(fitted)[-2] if len(fitted) > 1 else 0
-        spare = sum(fitted) - room
-        fitted[widest] = max(NARROWEST, min(fitted[widest] - 1, max(rest, fitted[widest] - spare)))
+        fitted[fitted.index(max(fitted))] -= 1
     return fitted
 
 
@@ -183,31 +161,72 @@ def _wrapped(row: Sequence[str], width: int) -> list[list[str]]:
     return [[*row[:-1], first], *([*("" for _cell in row[:-1]), line] for line in more)]
 
 
-def _cell(row: Row, source: Source) -> object:
-    return source(row) if callable(source) else getattr(row, source)
-
-
 def grid(columns: Columns, rows: Sequence[Row]) -> tuple[list[str], list[list[object]]]:
     """Headers and cells of the columns that are shown; the same for every rendering."""
-    shown = [
-        (header, source)
-        for header, source in columns
-        if header not in OPTIONAL or any(_cell(row, source) for row in rows)
-    ]
-    return [header for header, _source in shown], [[_cell(row, source) for _header, source in shown] for row in rows]
-
-
-def _section(title: str, columns: Columns, rows: Sequence[Row], width: int) -> list[str]:
-    if not rows:
-        return [title, "  none", ""]
-    lines = table(*grid(columns, rows), width - 2)
-    return [title, *(f"  {line}" for line in lines), ""]
+    cells = {header: [source(row) for row in rows] for header, source in columns}
+    shown = {header: found for header, found in cells.items() if header not in OPTIONAL or any(found)}
+    return list(shown), [list(line) for line in zip(*shown.values())]
 
 
 def status_text(status: Status, width: int = WIDTH) -> str:
     """All tables. A section without rows says so, where it is worth a line."""
     lines: list[str] = []
     for title, key, columns in SECTIONS:
-        if status.rows(key) or key not in ONLY_WITH_ROWS:
-            lines += _section(title, columns, status.rows(key), UNCUT if key in WHOLE else width)
+        if rows := status.rows(key):
+            wide = UNCUT if key in WHOLE else width
+            lines += [title, *(f"  {line}" for line in table(*grid(columns, rows), wide - 2)), ""]
+        elif key not in ONLY_WITH_ROWS:
+            lines += [title, "  none", ""]
     return "\n".join(lines).rstrip() + "\n"
+
+
+# ---- before any table
+
+
+def summary_text(status: Status, now: str, name: str = "") -> str:
+    """Findings are said whole, however long the line. `now` is as in 2026-11-21T09:07:52Z, `name` is the fleet's."""
+    findings = attention(status)
+    lines = [*([f"FLEET {words(name)}", ""] if name else []), "NEEDS ATTENTION"]
+    for finding in findings:
+        lines += _finding(finding, now)
+    lines += ["  nothing"] if not findings else []
+    found = counts(status)
+    labels = [title if (title := TITLES[count.section])[:3] == "ROS" else title.lower() for count in found]
+    size = max(map(len, labels), default=0)
+    lines += ["", "SUMMARY"]
+    lines += [f"  {label:<{size}}  {words(one.words)}" for label, one in zip(labels, found)] or ["  nothing was found"]
+    return "\n".join(lines) + "\n"
+
+
+def _finding(finding: Finding, now: str) -> Iterator[str]:
+    told = finding.told
+    yield f"  {'x' if finding.level == BAD else '!'} {words(told.where)}: {words(told.what)}"
+    for label, text in (
+        ("since", since_words(told.since, now)),
+        ("with it", "; ".join(finding.takes)),
+        ("do", told.todo),
+        ("see", finding.link),
+    ):
+        if text:
+            yield f"      {label:<8} {words(text)}"
+
+
+def when(time: str) -> str:
+    return time.replace("T", " ").replace("Z", " UTC")
+
+
+def since_words(since: str, now: str) -> str:
+    """A time, and how long ago that is.
+
+    >>> since_words("2026-11-21T09:00:00Z", "2026-11-21T09:12:30Z")
+    '2026-11-21 09:00:00 UTC (12 min)'
+    """
+    try:
+        seconds = (datetime.fromisoformat(now) - datetime.fromisoformat(since)).total_seconds()
+    except (ValueError, TypeError):
+        return since
+    ago = next((f"{seconds // size:.0f} {unit}" for unit, size in _UNITS if seconds >= 2 * size), "just now")
+    return f"{when(since)} ({ago})"
+
+
+_UNITS = (("d", 86400), ("h", 3600), ("min", 60), ("s", 1))

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from .._model.finding import Problem
 from .._model.formats import quantity_value
-from .._observability import names as obs
+from .._observability.spec import ROBOT
 from .said import Inventory, Said
 
 LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
@@ -43,7 +43,7 @@ def seconds(duration: str) -> float:
 
 
 def _of_cluster(path: str, given: Said, alone: bool) -> Iterator[Problem]:
-    if given.get("observability_profile") == obs.ROBOT:
+    if given.get("observability_profile") == ROBOT:
         if not alone:
             yield Problem(
                 f"{path}.observability_profile",

@@ -7,11 +7,10 @@ Read the diff before keeping it.
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
@@ -22,12 +21,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files 
 from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named, write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
-OF_TEMPLATES, TEMPLATE = {"loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}, "as its template has it"
-RULES = {"relabel_configs", "metric_relabel_configs"}
+TEMPLATE = "as its template has it"
+WHOLE = "node-exporter"  # the workload that is shown with its pod, for what all pods have in common
+OF_TEMPLATES = {"prometheus.yml", "loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
-    rules={"ros.yml": "groups: []\n"},
-    dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}},
+    rules={"ros.yml": "groups: []\n"}, dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"my-robot.json": "{}"}}
 )
 ALERTS = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
 SPECS: dict[str, dict[str, Any]] = {
@@ -45,10 +44,7 @@ SPECS: dict[str, dict[str, Any]] = {
 
 def built(spec: dict[str, Any]) -> list[dict[str, Any]]:
     """All objects of a spec, the Secrets last."""
-    return [
-        *stack.stack_objects(full(spec), FILES, ADMIN["version"]),
-        *stack.stack_secrets(full(spec), ADMIN),
-    ]
+    return [*stack.stack_objects(full(spec), FILES, ADMIN["version"]), *stack.stack_secrets(full(spec), ADMIN)]
 
 
 def golden(name: str) -> list[dict[str, Any] | str]:
@@ -58,25 +54,27 @@ def golden(name: str) -> list[dict[str, Any] | str]:
 
 
 def shown(item: dict[str, Any]) -> dict[str, Any]:
-    """The object with what its YAML files say in place of their text, which follows from that (`yaml_text`).
+    """The object without what is said elsewhere: labels that are those of a part, by its name, and what templates say.
 
-    Of a file that is made of a template that says as much; its text is in the hash that the pod's template has. A rule
-    of relabelling is a line.
+    That is in the hashes of the pod and of the workload: an update restarts who has another one.
     """
-    if item["kind"] != "ConfigMap":
-        return item
-    data = {
-        name: TEMPLATE if name in OF_TEMPLATES else yaml.safe_load(text) if name.endswith(".yml") else text
-        for name, text in item["data"].items()
-    }
-    for job in data.get("prometheus.yml", {}).get("scrape_configs", ()):
-        for rules in RULES & job.keys():
-            job[rules] = [" ".join(f"{key}={_words(said)}" for key, said in rule.items()) for rule in job[rules]]
-    return {**item, "data": data}
-
-
-def _words(said: Any) -> str:
-    return ",".join(said) if isinstance(said, list) else str(said)
+    body: dict[str, Any] = json.loads(json.dumps(item))
+    api, kind, metadata = (body.pop(key) for key in ("apiVersion", "kind", "metadata"))
+    name = metadata["labels"].get("rosops.fleet/app")
+    part = {"app.kubernetes.io/name": name, "rosops.fleet/app": name, "app.kubernetes.io/managed-by": "rosops.fleet"}
+    template = body.get("spec", {}).get("template", {"metadata": {}})
+    for one in (metadata, template["metadata"]):
+        if part.items() <= one.get("labels", {}).items():
+            rest = [f"{key}={value}" for key, value in one["labels"].items() if key not in part]
+            one["labels"] = ", ".join([f"of {name}", *rest])
+    if kind in ("Deployment", "DaemonSet") and name != WHOLE:
+        template["spec"] = TEMPLATE
+    if kind == "ConfigMap":
+        body["data"] = {file: TEMPLATE if file in OF_TEMPLATES else text for file, text in item["data"].items()}
+    place = "/".join(filter(None, (metadata.pop("namespace", ""), metadata.pop("name"))))
+    labels = metadata.pop("labels")
+    head = f"{api} {kind} {place}" + (f", {labels}" if isinstance(labels, str) else "")
+    return {head: {**({} if isinstance(labels, str) else {"labels": labels}), **metadata, **body}}
 
 
 def main() -> None:

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import LARGEST, checked
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import read_dashboards
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import LARGEST, checked, read_dashboards
 
 
 def page(uid: Any = "arm", title: Any = "Arm", **more: Any) -> str:
@@ -97,23 +96,19 @@ def test_the_size_is_that_of_the_configmap_to_the_byte() -> None:
 
 
 def test_it_reads_files_from_a_base_and_puts_the_own_first(tmp_path: Path) -> None:
-    (tmp_path / "own.json").write_text(page("rosops-a", "A"), "utf-8")
     (tmp_path / "arm.json").write_text(page(), "utf-8")
-    own = [str(tmp_path / "own.json")]
-    found = read_dashboards(["arm.json", "arm.json"], own=own, base=str(tmp_path))
-    assert [(one.name, one.uid, one.title) for one in found] == [
-        ("rosops-a", "rosops-a", "A"),
-        ("arm", "arm", "Arm"),
-    ]
+    own = {"own.json": page("rosops-a", "A")}
+    found = read_dashboards(["arm.json", "arm.json"], own, str(tmp_path))
+    assert [(one.name, one.uid, one.title) for one in found] == [("arm", "arm", "Arm")]
     (tmp_path / "arm.json").write_text(page("rosops-a"), "utf-8")
-    with pytest.raises(SpecError, match=r"arm\.json: uid: 'rosops-a' is the uid of .*own\.json"):
-        read_dashboards(["arm.json"], own=own, base=str(tmp_path))
+    with pytest.raises(SpecError, match=r"arm\.json: uid: 'rosops-a' is the uid of own\.json"):
+        read_dashboards(["arm.json"], own, str(tmp_path))
 
 
 def test_it_tells_what_cannot_be_read_with_the_rest(tmp_path: Path) -> None:
     (tmp_path / "latin.json").write_bytes(b'{"uid": "\xe4"}')
     (tmp_path / "bad.json").write_text("{", "utf-8")
     with pytest.raises(SpecError) as raised:
-        read_dashboards(["gone.json", "latin.json", "bad.json"], base=str(tmp_path))
+        read_dashboards(["gone.json", "latin.json", "bad.json"], {}, str(tmp_path))
     for part in ("gone.json: No such file", "latin.json: is no text in UTF-8", "bad.json: is no JSON"):
         assert part in str(raised.value)

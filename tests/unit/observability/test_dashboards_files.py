@@ -12,22 +12,17 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import kept
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.configs import config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import checked
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 from dashboards import build
 from dashboards.lint import fleet_findings, logql_findings, page_findings, promql_findings
 from dashboards.queries import FILES, Query, all_queries, filled, needs, of_rules
 
-METRICS = Path(__file__).resolve().parent / "metrics"
+METRICS: dict[str, list[str]] = yaml.safe_load((Path(__file__).resolve().parent / "metrics.yml").read_text("utf-8"))
 MODULE_UTILS = FILES.parents[2] / "plugins" / "module_utils"
 NAMES = {"fleet", "robot", "application", "ros-graph", "topics", "updates", "hosts-k3s", "logs", "telemetry"}
 QUERIES = all_queries()
-
-
-def listed(job: str) -> list[str]:
-    """The metrics of a job."""
-    lines = (METRICS / f"{job}.txt").read_text("utf-8").splitlines()
-    return [line for line in lines if line and not line.startswith("#")]
 
 
 def known() -> set[str]:
@@ -38,7 +33,7 @@ def known() -> set[str]:
         for query in of_rules(path)
         if ":" in query.where.partition(": ")[2]
     }
-    return recorded.union(*(listed(path.stem) for path in METRICS.glob("*.txt")))
+    return recorded.union(*METRICS.values())
 
 
 @pytest.fixture(name="promql")
@@ -76,7 +71,7 @@ def test_a_dashboard_keeps_to_our_rules(page: dict[str, Any]) -> None:
 def test_the_dashboards_together_keep_to_our_rules_and_those_for_the_users() -> None:
     assert list(fleet_findings(pages())) == []
     files = [(path.name, path.read_text("utf-8")) for path in sorted((FILES / "dashboards").glob("*.json"))]
-    assert {one.name for one in _dashboards.checked(files)} == {f"rosops-{name}" for name in NAMES}
+    assert {one.name for one in checked(files)} == {f"rosops-{name}" for name in NAMES}
 
 
 @pytest.mark.parametrize("query", [q for q in QUERIES if q.language == "promql"], ids=lambda query: str(query.where))
@@ -95,21 +90,23 @@ def test_nothing_is_left_to_fill_in() -> None:
 
 def test_the_exporters_metrics_are_those_in_its_code() -> None:
     code = "".join(path.read_text("utf-8") for path in MODULE_UTILS.glob("_exporter/*.py"))
-    assert [name for name in listed("ros-exporter") if name not in code] == []
+    assert [name for name in METRICS["ros-exporter"] if name not in code] == []
 
 
 def test_the_apps_metrics_are_those_of_the_validation_apps() -> None:
     code = (FILES.parents[2] / "tests" / "apps" / "rosops_apps" / "metrics.py").read_text("utf-8")
-    assert [name for name in listed("apps") if name not in code] == []
+    assert [name for name in METRICS["apps"] if name not in code] == []
 
 
 @pytest.mark.parametrize("job", ["kubelet", "cadvisor", "apiserver"])
 def test_what_is_asked_for_is_kept_when_it_is_scraped(job: str) -> None:
-    patterns = [*kept()[job], *(kept()["kubelet-probes"] if job == "kubelet" else ())]
-    asked = {word for query in QUERIES for word in re.findall(r"[a-z_]\w+", query.expr)} & set(listed(job))
+    jobs = {one["job_name"]: one for one in config("scrape", full({}))["scrape_configs"]}
+    own = [job, "kubelet-probes"] if job == "kubelet" else [job]
+    patterns = [jobs[name]["metric_relabel_configs"][0]["regex"] for name in own]
+    asked = {word for query in QUERIES for word in re.findall(r"[a-z_]\w+", query.expr)} & set(METRICS[job])
     lost = {name for name in asked if not any(re.fullmatch(pattern, name) for pattern in patterns)}
     if job == "apiserver":
-        lost -= set(listed("kubelet"))  # k3s serves its own metric in both places
+        lost -= set(METRICS["kubelet"])  # k3s serves its own metric in both places
     assert asked
     assert lost == set()
 

@@ -10,21 +10,11 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.bounds import MOST
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import scrape
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.parts import (
-    grafana_config,
-    loki_config,
-    shipper_config,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.configs import (
     APP_OF_POD,
     PATH,
     STREAM_LABELS,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import (
-    kept,
-    prometheus_config,
-    vmagent_config,
+    config,
 )
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
@@ -56,8 +46,8 @@ def shown(labels: dict[str, str] | None) -> dict[str, str]:
     return {name: value for name, value in labels.items() if not name.startswith("__")}
 
 
-def job(config: dict[str, Any], name: str) -> dict[str, Any]:
-    return next(one for one in config["scrape_configs"] if one["job_name"] == name)
+def job(name: str, **settings: Any) -> dict[str, Any]:
+    return next(one for one in config("scrape", full(settings))["scrape_configs"] if one["job_name"] == name)
 
 
 POD = {
@@ -81,21 +71,18 @@ WHOSE = {
 
 
 def test_intervals_and_jobs() -> None:
-    config = prometheus_config(full({"alertmanager_config": ALERTS}))
-    assert config["global"] == {"scrape_interval": "10s", "evaluation_interval": "10s"}
-    names = [one["job_name"] for one in config["scrape_configs"]]
-    assert len(names) == len(set(names))
-    assert set(names) == {
+    """A robot reads nothing that Prometheus alone knows."""
+    made = config("scrape", full({"alertmanager_config": ALERTS}))
+    assert made["global"] == {"scrape_interval": "10s", "evaluation_interval": "10s"}
+    assert [one["job_name"] for one in made["scrape_configs"]] == [
         "prometheus", "loki", "grafana", "alertmanager", "node-exporter", "log-shipper", "ros-exporter", "apps",
         "kubelet", "kubelet-probes", "cadvisor", "apiserver",
-    }  # fmt: skip
-
-
-def test_a_robot_reads_nothing_that_prometheus_alone_knows() -> None:
-    config = vmagent_config(full(ROBOT))
-    assert set(config) == {"global", "scrape_configs"}
-    assert set(config["global"]) == {"scrape_interval"}
-    assert {"kubelet", "apiserver"} & {one["job_name"] for one in config["scrape_configs"]} == set()
+    ]  # fmt: skip
+    made = config("scrape", full(ROBOT))
+    assert (set(made), set(made["global"])) == ({"global", "scrape_configs"}, {"scrape_interval"})
+    assert [one["job_name"] for one in made["scrape_configs"]] == [
+        "vmagent", "node-exporter", "log-shipper", "ros-exporter", "apps", "kubelet-probes", "cadvisor",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -114,7 +101,7 @@ def test_a_robot_reads_nothing_that_prometheus_alone_knows() -> None:
     ],
 )
 def test_pods_by_their_annotations(job_name: str, change: dict[str, str], labels: dict[str, str] | None) -> None:
-    found = job(prometheus_config(full({})), job_name)
+    found = job(job_name)
     made = relabelled(found["relabel_configs"], {**POD, **change})
     assert (None if made is None else shown(made)) == labels
     assert made is None or made["__address__"] == "10.42.1.7:9400"
@@ -124,10 +111,10 @@ def test_pods_by_their_annotations(job_name: str, change: dict[str, str], labels
 def test_a_pod_of_others_has_its_owners_name_and_no_robot() -> None:
     other = {key: value for key, value in POD.items() if "_label_rosops" not in key}
     other["__meta_kubernetes_namespace"] = "kube-system"
-    labels = shown(relabelled(scrape.of_pod(""), other))
+    labels = shown(relabelled(job("apps")["relabel_configs"], other))
     assert labels["app"] == "temperature"
     assert "robot" not in labels
-    assert shown(relabelled(scrape.of_pod("robot2"), other))["robot"] == "robot2"
+    assert shown(relabelled(job("apps", **ROBOT)["relabel_configs"], other))["robot"] == "robot2"
 
 
 def test_a_host() -> None:
@@ -140,7 +127,7 @@ def test_a_host() -> None:
         "__meta_kubernetes_node_label_rosops_fleet_robot": "robot1",
         "__meta_kubernetes_node_label_deploymentType": "local",
     }
-    found = relabelled(job(prometheus_config(full({})), "node-exporter")["relabel_configs"], node)
+    found = relabelled(job("node-exporter")["relabel_configs"], node)
     assert shown(found) == {"node": "robot1", "instance": "robot1", "robot": "robot1", "placement": "local"}
 
 
@@ -160,12 +147,13 @@ def test_a_host() -> None:
     ],
 )
 def test_containers(series: dict[str, str], robot: str, wanted: dict[str, str]) -> None:
-    found = shown(relabelled(scrape.of_container(robot), series))
+    rules = job("kubelet-probes", robot=robot)["metric_relabel_configs"]
+    found = shown(relabelled(rules, {"__name__": "prober_probe_total", **series}))
     assert {name: value for name, value in found.items() if name in ("robot", "app")} == wanted
 
 
 def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
-    rules = job(prometheus_config(full({})), "cadvisor")["metric_relabel_configs"]
+    rules = job("cadvisor")["metric_relabel_configs"]
     memory = {"__name__": "container_memory_working_set_bytes"}
     pod = {**memory, "namespace": "robot-r1", "pod": "a-1", "container": "", "id": "/kubepods/x"}
     assert relabelled(rules, pod) is not None
@@ -175,12 +163,6 @@ def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
     assert relabelled(rules, {**pod, "__name__": "container_tasks_state"}) is None
     assert relabelled(rules, {**pod, "__name__": "container_network_receive_bytes_total"}) is not None
     assert relabelled(rules, {**pod, "__name__": "container_oom_events_total", "container": "a"}) is not None
-
-
-@pytest.mark.parametrize("names", kept().values(), ids=kept())
-def test_what_is_kept_is_a_regular_expression(names: list[str]) -> None:
-    re.compile("|".join(names))
-    assert len(names) == len(set(names))
 
 
 @pytest.mark.parametrize(
@@ -205,22 +187,18 @@ def test_the_parts_of_a_log_files_path() -> None:
     path = "/var/log/pods/robot-robot1_talker-7d9f8b6c5d-x2x4z_0b1c-22/ros-app/0.log"
     match = re.fullmatch(PATH, path)
     assert match is not None
-    assert match.groupdict() == {
-        "namespace": "robot-robot1",
-        "pod": "talker-7d9f8b6c5d-x2x4z",
-        "container": "ros-app",
-    }
+    assert match.groupdict() == {"namespace": "robot-robot1", "pod": "talker-7d9f8b6c5d-x2x4z", "container": "ros-app"}
 
 
 def test_shipper_and_loki_agree_on_the_labels() -> None:
     spec = full({"remote_nodes": ["edge1"]})
-    limits = loki_config(spec)["limits_config"]
+    limits = config("loki", spec)["limits_config"]
     indexed = limits["otlp_config"]["resource_attributes"]
     assert indexed["ignore_defaults"]
     assert indexed["attributes_config"][0]["attributes"] == list(STREAM_LABELS)
     assert limits["allow_structured_metadata"]
     assert limits["discover_service_name"] == []
-    text = json.dumps(shipper_config(spec)["receivers"]["filelog"]["operators"])
+    text = json.dumps(config("otelcol", spec)["receivers"]["filelog"]["operators"])
     assert "resource.placement" in text
     for label in ("namespace", "pod", "container", "robot", "app"):
         assert f"(?P<{label}>" in text
@@ -228,61 +206,58 @@ def test_shipper_and_loki_agree_on_the_labels() -> None:
 
 def test_no_dollar_that_the_shipper_would_expand() -> None:
     spec = full({"remote_nodes": ["edge1"]})
-    assert "$" not in json.dumps(shipper_config(spec))
+    assert "$" not in json.dumps(config("otelcol", spec))
 
 
 def test_the_collector_loses_nothing() -> None:
-    config = shipper_config(full({}))
-    exporter, receiver = config["exporters"]["otlphttp"], config["receivers"]["filelog"]
-    assert exporter["sending_queue"]["storage"] in config["service"]["extensions"]
-    assert receiver["storage"] in config["service"]["extensions"]
+    made = config("otelcol", full({}))
+    exporter, receiver = made["exporters"]["otlphttp"], made["receivers"]["filelog"]
+    assert exporter["sending_queue"]["storage"] in made["service"]["extensions"]
+    assert receiver["storage"] in made["service"]["extensions"]
     assert exporter["retry_on_failure"]["max_elapsed_time"] == receiver["retry_on_failure"]["max_elapsed_time"] == "0s"
     # a batch, or a line, in memory alone would be lost with the process
     assert "container" not in [one["type"] for one in receiver["operators"]]
-    assert config["service"]["pipelines"]["logs"]["processors"] == ["memory_limiter", "transform"]
+    assert made["service"]["pipelines"]["logs"]["processors"] == ["memory_limiter", "transform"]
     assert receiver["start_at"] == "beginning"
 
 
-def test_the_collector_does_not_tell_when_it_read_a_line() -> None:
-    """Loki would keep that with each line: no two would be alike in labels, and one that is read twice would be two."""
-    [statements] = shipper_config(full({}))["processors"]["transform"]["log_statements"]
-    assert statements == {"context": "log", "statements": ["set(log.observed_time_unix_nano, 0)"]}
-
-
 def test_a_robots_own_cluster_names_the_robot() -> None:
-    operators = shipper_config(full(ROBOT))["receivers"]["filelog"]["operators"]
+    made = config("otelcol", full(ROBOT))
+    assert made["exporters"]["otlphttp"]["logs_endpoint"] == "http://192.0.2.10:30100/otlp/v1/logs"
+    operators = made["receivers"]["filelog"]["operators"]
     assert {"type": "add", "field": "resource.robot", "value": "robot2"} in operators
 
 
 @pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])
 def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
-    config = prometheus_config(full({"profile": profile}))
-    assert config.get("storage", {}).get("tsdb", {}).get("out_of_order_time_window") == window
+    assert (
+        config("scrape", full({"profile": profile})).get("storage", {}).get("tsdb", {}).get("out_of_order_time_window")
+        == window
+    )
 
 
 def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:
-    config = loki_config(full({"loki": {"retention": "14d"}}))
-    assert config["compactor"]["retention_enabled"] is True
-    assert config["limits_config"]["retention_period"] == "14d"
-    assert config["limits_config"]["reject_old_samples_max_age"] == "14d"
+    made = config("loki", full({"loki": {"retention": "14d"}}))
+    assert made["compactor"]["retention_enabled"] is True
+    limits = made["limits_config"]
+    assert (limits["retention_period"], limits["reject_old_samples_max_age"]) == ("14d", "14d")
 
 
 def test_data_sources_have_the_uids_that_dashboards_name() -> None:
-    sources = grafana_config(full({"alertmanager_config": ALERTS}))["datasources.yml"]["datasources"]
+    sources = config("grafana", full({"alertmanager_config": ALERTS}))["datasources.yml"]["datasources"]
     assert {one["uid"]: one["url"] for one in sources} == {
         "prometheus": "http://prometheus.observability:9090",
         "loki": "http://loki.observability:3100",
         "alertmanager": "http://alertmanager.observability:9093",
     }
     assert [one["name"] for one in sources if one.get("isDefault")] == ["Prometheus"]
-    alone = grafana_config(full({"prometheus": {"enabled": False}}))["datasources.yml"]["datasources"]
+    alone = config("grafana", full({"prometheus": {"enabled": False}}))["datasources.yml"]["datasources"]
     assert [(one["name"], one["isDefault"]) for one in alone] == [("Loki", True)]
 
 
 def test_no_pod_can_fill_the_database() -> None:
     """A look at a pod has an end; the exporter's own bound is below it, so that what it shows is always taken."""
-    prometheus, vmagent = prometheus_config(full({})), vmagent_config(full(ROBOT))
-    for config in (prometheus, vmagent):
-        assert job(config, "ros-exporter")["sample_limit"] > MOST
-        assert job(config, "apps")["sample_limit"] > 0
-    assert {job(prometheus, name)["label_limit"] for name in ("ros-exporter", "apps")} == {64}
+    for settings in ({}, ROBOT):
+        assert job("ros-exporter", **settings)["sample_limit"] > MOST
+        assert job("apps", **settings)["sample_limit"] > 0
+    assert {job(name)["label_limit"] for name in ("ros-exporter", "apps")} == {64}

@@ -36,22 +36,6 @@ def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(
     assert ("/var/lib/rancher/k3s/storage" in str(server.find(DEPLOYMENT))) is sees
 
 
-def test_what_somebody_put_beside_it_by_hand_goes(server: Server, api: dict[str, Any]) -> None:
-    server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
-    run(_exporter_apply, api, VARIABLES)
-    there = server.find(DEPLOYMENT)
-    there["spec"]["paused"] = True
-    there["metadata"]["managedFields"] = [
-        {"manager": "kubectl-rollout", "operation": "Update", "fieldsV1": {"f:spec": {"f:paused": {}}}}
-    ]
-    server.put(DEPLOYMENT, there)
-    (change,) = [one for one in run(_exporter_apply, api, VARIABLES, check_mode=True)["results"] if one["changed"]]
-    assert change["name"] == "ros-exporter"
-    run(_exporter_apply, api, VARIABLES)
-    (entry,) = server.find(DEPLOYMENT)["metadata"]["managedFields"]
-    assert (entry["manager"], entry["operation"]) == ("rosops.fleet", "Apply")
-
-
 def test_check_mode_on_bare_hosts() -> None:
     result = run(_exporter_apply, {"kubeconfig": "/nowhere/edge.yaml"}, VARIABLES, check_mode=True)
     assert result["changed"]

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _fleet_info
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import Answer
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Answer
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
@@ -25,7 +25,7 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
         asked.extend(kubeconfigs)
         return {cluster: answers[cluster] for cluster in kubeconfigs}
 
-    monkeypatch.setattr(_fleet_info, "ask", ask)
+    monkeypatch.setattr(_fleet_info.look, "ask", ask)
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
@@ -89,9 +89,3 @@ def test_a_cluster_that_does_not_answer_is_a_problem(
     assert problem["cluster"] == "edge"
     assert found["asked"] == asked
     assert len(found["nodes"]) == len(asked)  # what it did answer is shown
-
-
-def test_without_the_validation() -> None:
-    found = run(_fleet_info, {"volumes": "usage"}, {"hostvars": {}, "ansible_play_hosts_all": []})
-    assert found["failed"] is True
-    assert "import the playbook rosops.fleet.validate" in found["msg"]

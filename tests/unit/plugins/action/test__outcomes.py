@@ -14,9 +14,8 @@ from ansible import context
 from ansible.utils.context_objects import CLIArgs
 from ansible_collections.rosops.fleet.plugins.action import _outcomes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import note_run
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted, note_run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, Task
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -49,7 +48,7 @@ def noted() -> None:
     """What the callback writes down: edge1 was changed, robot1 was busy, 2 failed, 3 went away, 4 did nothing."""
     report = RunReport()
     report.play("Robots", [host for group in GROUPS.values() for host in group], 0)
-    report.task("t", TaskInfo("Apply", "rosops.fleet._robot_update"), 0)
+    report.task("t", Task("Apply", "rosops.fleet._robot_update"), 0)
     report.ok("t", "edge1", {"changed": True}, 1)
     report.ok("t", "robot1", {"outcome": BUSY}, 1)
     report.failed("t", "robot2", {"msg": "no space"}, 1)

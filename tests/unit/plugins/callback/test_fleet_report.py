@@ -98,7 +98,9 @@ def test_a_run(callback: Any, tmp_path: Path) -> None:
 
 def test_check_mode_says_so(callback: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(context, "CLIARGS", CLIArgs({"check": True}))
+    callback.v2_playbook_on_handler_task_start(task())
     callback.v2_playbook_on_stats(stats(robot1="changed"))
+    assert written(tmp_path)["tasks"] == 1
     assert callback._display.lines[0] == "FLEET REPORT (check mode: nothing was changed)"
     assert "would change" in callback._display.lines[2]
     assert written(tmp_path)["check_mode"] is True

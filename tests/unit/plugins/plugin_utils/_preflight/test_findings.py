@@ -92,6 +92,9 @@ JETSON_ARM64 = host(machine="aarch64", cgroup={**X86["cgroup"], **V1})
 AWAY = [{"host": "10.0.0.1", "port": 6443, "outcome": "timeout"}]
 OURS = {"k3s__agent_data": True, "k3s__config": True, "k3s__units": ["k3s-agent.service"]}
 SERVER = {"role": "server", "server_urls": []}
+CABLE, WIFI = ({"family": 4, "interface": name, "mtu": 1500} for name in ("eth0", "wlan0"))
+CABLE6 = {**CABLE, "family": 6}
+ENFORCING = {"mode": "enforcing", "policy": False}
 
 
 def taken(protocol: str, port: int, process: str, k3s: bool = False) -> list[dict[str, Any]]:
@@ -161,6 +164,20 @@ def lines(facts: dict[str, Any], **requirements: Any) -> list[str]:
         ),
         (host(k3s__foreign_units=["k3s.service"]), {}, "warning: k3s.service was not written by this collection"),
         (host(k3s__node_password=True), {}, "warning: a node password of an earlier cluster is left"),
+        (
+            host(network__firewalls=["ufw"]),
+            {},
+            "warning: ufw is on; a k3s agent needs 10250/tcp (kubelet, from the servers), 8472/udp",
+        ),
+        (
+            host(network__firewalls=["firewalld"]),
+            SERVER,
+            "warning: firewalld is on; a k3s server needs 6443/tcp (API), 10250/tcp (kubelet), 8472/udp",
+        ),
+        (host(network__selinux=ENFORCING), {}, "warning: SELinux is enforcing, and k3s's policy is not there"),
+        (host(network__lacking=["vxlan"]), {}, "warning: the kernel has no module vxlan: flannel cannot connect"),
+        (host(network__lacking=["ip_set"]), {}, "warning: the kernel has no module ip_set: NetworkPolicies are not"),
+        (host(routes=[CABLE, WIFI, CABLE6]), {}, "warning: there are default routes by eth0 and wlan0"),
     ],
 )
 def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[str, Any], expected: str) -> None:
@@ -184,23 +201,42 @@ def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[
         host(reach=[{"host": "10.0.0.1", "port": 6443, "outcome": "open"}]),
         host(k3s__node_password=True, k3s__config=True),  # a member
         host(hostname="robot1.field.example"),
+        host(network__selinux={**ENFORCING, "policy": True}),
+        host(network__selinux={**ENFORCING, "mode": "permissive"}),
+        host(routes=[CABLE, CABLE, CABLE6]),
     ],
 )
 def test_what_is_right_is_not_reported(facts: dict[str, Any]) -> None:
     assert lines(facts) == []
 
 
-def test_the_raspberry_pi_gets_its_command_line_offered() -> None:
-    (finding,) = _preflight.findings(PI_WITHOUT_MEMORY, REQUIREMENTS)
-    assert finding.fix == (
-        "on this Raspberry Pi 4 Model B Rev 1.4: sed -i '1 s/$/ cgroup_enable=cpuset cgroup_enable=memory "
-        "cgroup_memory=1/' /boot/firmware/cmdline.txt, then reboot"
-    )
+def test_two_networks_are_right_once_it_is_said_which_one_counts() -> None:
+    assert lines(host(routes=[CABLE, WIFI]), interface="wlan0") == []
 
 
-def test_another_board_is_told_what_disables_the_controller() -> None:
-    facts = host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdline="quiet cgroup_disable=memory")
-    assert "take cgroup_disable=memory off" in _preflight.findings(facts, REQUIREMENTS)[0].fix
+@pytest.mark.parametrize(
+    ("facts", "words"),
+    [
+        (
+            PI_WITHOUT_MEMORY,
+            "on this Raspberry Pi 4 Model B Rev 1.4: sed -i '1 s/$/ cgroup_enable=cpuset cgroup_enable=memory "
+            "cgroup_memory=1/' /boot/firmware/cmdline.txt, then reboot",
+        ),
+        (
+            host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdline="quiet cgroup_disable=memory"),
+            "take cgroup_disable=memory off",
+        ),
+        (host(network__firewalls=["ufw"]), "10.42.0.0/16"),
+        (host(network__selinux=ENFORCING), "k3s-selinux"),
+        (host(network__lacking=["vxlan"]), "host-gw"),
+        (host(network__lacking=["ip_set"]), "linux-modules-extra-raspi"),
+        (host(routes=[CABLE, WIFI]), "flannel-iface"),
+    ],
+)
+def test_what_to_do_is_said(facts: dict[str, Any], words: str) -> None:
+    """To a Raspberry Pi its own command line is offered."""
+    (finding,) = _preflight.findings(facts, REQUIREMENTS)
+    assert words in finding.fix
 
 
 @pytest.mark.parametrize(
@@ -228,7 +264,7 @@ def test_hosts_are_compared_with_one_another() -> None:
 
 def test_the_first_of_two_twins_goes_on() -> None:
     fleet = {"edge1": host(), "robot1": host(machine_id="other")}
-    assert [_preflight.fleet_findings(name, fleet)[0].severity for name in fleet] == ["warning", "error"]
+    assert [next(iter(_preflight.fleet_findings(name, fleet))).severity for name in fleet] == ["warning", "error"]
 
 
 def test_all_findings_come_in_one_report_errors_first() -> None:

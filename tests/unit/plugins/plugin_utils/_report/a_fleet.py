@@ -17,26 +17,19 @@ NOW = 1_795_536_750.0  # 2026-11-24T16:12:30Z
 
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:
+    own = {"rosops.fleet/robot": name, "deploymentType": "local"} if name.startswith("robot") else {}
+    built_in = {
+        "kubernetes.io/hostname": name,
+        "beta.kubernetes.io/os": "linux",
+        "node.kubernetes.io/instance-type": "k3s",
+    }
+    condition = {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
+    addresses = [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}]
+    status = {"addresses": addresses, "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"}}
     return {
-        "metadata": {
-            "name": name,
-            "labels": {
-                "kubernetes.io/hostname": name,
-                "beta.kubernetes.io/os": "linux",
-                "node.kubernetes.io/instance-type": "k3s",
-                "deploymentType": "local" if name.startswith("robot") else "remote",
-                **({"rosops.fleet/robot": name} if name.startswith("robot") else {}),
-                **labels,
-            },
-        },
+        "metadata": {"name": name, "labels": {**built_in, "deploymentType": "remote", **own, **labels}},
         "spec": {},
-        "status": {
-            "conditions": [
-                {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
-            ],
-            "addresses": [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}],
-            "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"},
-        },
+        "status": {"conditions": [condition], **status},
     }
 
 
@@ -74,24 +67,14 @@ def claim(phase: str = "Bound") -> Object:
     }
 
 
+SAMPLES = {"type": "demo/Sample", "publishers": ["/sensor"], "subscribers": ["/stats"], "rate": 499.83}
 GRAPH = {
     "nodes": {
-        "/sensor": {
-            "pid": 1,
-            "publications": ["/temperature", "/rosout"],
-            "subscriptions": [],
-            "services": ["/s"],
-        },
+        "/sensor": {"pid": 1, "publications": ["/temperature", "/rosout"], "services": ["/s"]},
         "/ghost": {"error": "connection refused"},
     },
     "topics": {
-        "/temperature": {
-            "type": "demo/Sample",
-            "publishers": ["/sensor"],
-            "subscribers": ["/stats"],
-            "connections": [{"publisher": "/sensor", "subscriber": "/stats"}],
-            "rate": 499.83,
-        },
+        "/temperature": {**SAMPLES, "connections": [{"publisher": "/sensor", "subscriber": "/stats"}]},
         "/rosout": {"type": "rosgraph_msgs/Log"},
         "/idle": {"type": "std_msgs/String", "rate": None, "rate_error": "no publisher answers"},
     },

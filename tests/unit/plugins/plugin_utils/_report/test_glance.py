@@ -8,14 +8,10 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
-    counts,
-    host_lines,
-    hosts_off,
-    level,
-    used_share,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_level, hosts_off, level
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import host_columns
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Claim, Status, Workload, some
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import grid
 
 UP = {"name": "robot1", "group": "robots", "reachable": True}
 OFF = {"name": "robot2", "group": "robots", "reachable": False, "reason": "timed out"}
@@ -69,12 +65,6 @@ def test_a_pod_that_is_on_no_node_is_nobodys_absence() -> None:
     assert level(Workload("robot2", "sensor"), {"robot2"}) == "bad"
 
 
-def test_counts_leave_out_what_there_is_nothing_of() -> None:
-    assert counts(Status()) == []
-    [count] = counts(status(hosts=[UP, OFF, EDGE_OFF]))[:1]
-    assert (count.label, count.section, count.words, count.level) == ("Hosts", "hosts", "1 of 3 up, 2 not", "bad")
-
-
 def test_what_is_unknown_is_not_green() -> None:
     """A robot that is off keeps what the API last heard of it, and what it would have said is in no number."""
     found = status(
@@ -97,9 +87,9 @@ def test_what_is_unknown_is_not_green() -> None:
 def test_a_graph_that_could_not_be_read_is_unknown_and_so_is_a_cluster() -> None:
     alone = {**OFF, "cluster": "robot2", "role": "server"}
     problems = [{"where": "a", "what": "b", "graph": "robot1"}, {"where": "c", "what": "d", "cluster": "robot2"}]
-    found = {count.label: count.words for count in counts(status(hosts=[UP, alone], problems=problems))}
-    assert found["ROS nodes"] == "robot1, robot2 unknown"
-    assert found["Apps"] == found["Nodes"] == "robot2 unknown"
+    found = {count.section: count.words for count in counts(status(hosts=[UP, alone], problems=problems))}
+    assert found["ros_nodes"] == "robot1, robot2 unknown"
+    assert found["apps"] == found["nodes"] == "robot2 unknown"
 
 
 def test_a_shared_graph_is_that_of_all_robots() -> None:
@@ -123,10 +113,11 @@ def test_a_line_per_host() -> None:
         topics=[{"robot": "robot1", "rate": 10.0}, {"robot": "robot1"}],
         outcomes=[{"host": "robot1", "outcome": "updated"}],
     )
-    assert [tuple(vars(line).values()) for line in host_lines(found)] == [
-        ("robot1", "robots", "up", "Ready", "1/1", "1/2", "1/1", 2, 10.0, "updated", "bad"),
-        ("robot2", "robots", "offline", "", "", "", "", None, None, "", "warn"),
+    assert grid(host_columns(found), found.hosts)[1] == [
+        ["robot1", "robots", "up", "Ready", "1/1", "1/2", "1/1", 2, "10.0", "updated"],
+        ["robot2", "robots", "offline", None, "", "", "", None, "", None],
     ]
+    assert [host_level(found, host) for host in found.hosts] == ["bad", "warn"]
 
 
 @pytest.mark.parametrize(
@@ -134,4 +125,4 @@ def test_a_line_per_host() -> None:
     [("1Ki", 512, 0.5), ("", 512, None), ("much", 512, None), ("1Ki", None, None), ("0", 1, None)],
 )
 def test_how_full_a_claim_is(size: str, used: int | None, share: float | None) -> None:
-    assert used_share(Claim(size=size, used_bytes=used)) == share
+    assert Claim(size=size, used_bytes=used).used_share == share

@@ -97,5 +97,5 @@ def test_on_the_page_of_text() -> None:
     good = report("update.yml", "2026-01-01T00:00:00Z", host("robot1", "updated", STEP))
     page = status_text(status(a=good, b=""))
     assert page.startswith("PROBLEMS\n  where  what\n  b      not a report of fleet_report")
-    assert "LAST OUTCOMES\n  host    outcome  run         started               changed\n  robot1  updated" in page
+    assert "LAST OUTCOMES\n  host    outcome  run         started                  changed\n  robot1  updated" in page
     assert "robot1  temperature  overlap  updated  lab/apps:1.0 (1793ed6c)  lab/apps:1.1 (3f0e725c)  8.5" in page

@@ -8,14 +8,9 @@ import json
 from dataclasses import replace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
-    REASON_KEPT,
-    kept_object,
-    kept_part,
-    kept_runs,
-    kept_steps,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REASON_KEPT, keep, kept_runs, kept_steps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
@@ -36,13 +31,33 @@ STEP = StepResult(
 )
 
 
+class Cluster:
+    """Holds the one object."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, Any] | None = None
+
+    def get(self, _ref: Ref) -> Any:
+        return self.found
+
+    def create(self, item: dict[str, Any]) -> None:
+        self.found = item
+
+
+def kept_of(*runs: HostRun) -> dict[str, Any]:
+    cluster: Any = Cluster()
+    keep(cluster, runs)
+    found: dict[str, Any] = cluster.found
+    return found
+
+
 def shown(*runs: HostRun, **reports: str) -> Status:
     return status_of(Look(Status(), runs=runs), {}, reports)
 
 
 def test_what_was_kept_is_shown_on_another_control_node() -> None:
     edge = replace(RUN, host="edge1", outcome=replace(RUN.outcome, outcome="failed"), failed_task="Start k3s")
-    kept = kept_object(kept_part([RUN, edge]))
+    kept = kept_of(RUN, edge)
     assert json.loads(kept["data"]["robot1"]) == {
         "host": "robot1", "playbook": "update.yml", "started": WHEN, "outcome": "rolled-back", "changed": 2,
         "reason": "an edge is missing", "failed_task": None,
@@ -61,12 +76,12 @@ def test_of_two_the_newer_counts_wherever_it_is_kept() -> None:
         '[{"host": "robot1", "outcome": "updated", "changed": ["Apply"]}]}'
     )
     for started, playbook in (("2026-11-22T05:00:00Z", "update.yml"), ("2026-11-22T07:00:00Z", "site.yml")):
-        found = shown(*kept_runs(kept_object(kept_part([RUN]))), a=report % started)
+        found = shown(*kept_runs(kept_of(RUN)), a=report % started)
         assert [row.playbook for row in found.outcomes] == [playbook]
 
 
 def test_a_long_reason_is_cut_and_what_somebody_spoilt_is_left_out() -> None:
-    kept = kept_object(kept_part([replace(RUN, outcome=RobotOutcome("failed", "x" * 9999))]))
+    kept = kept_of(replace(RUN, outcome=RobotOutcome("failed", "x" * 9999)))
     kept["data"] |= {"robot2": "{", "robot3": "[]", "robot4": "{}"}
     (run,) = kept_runs(kept)
     assert len(run.outcome.reason) == REASON_KEPT

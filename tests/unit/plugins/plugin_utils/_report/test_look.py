@@ -5,14 +5,26 @@
 from __future__ import annotations
 
 import json
+import threading
+from functools import partial
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import look
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import level as level_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Ended, Host, Promise, Status, Trouble
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
+    Ended,
+    Host,
+    Promise,
+    Status,
+    Trouble,
+    Workload,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.a_fleet import (
     SOURCES,
@@ -21,18 +33,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.a_
     workload,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.html_check import Page
-
-
-def test_the_graph() -> None:
-    status = fleet_status(SOURCES)
-    assert [(row.name, row.reachable, row.error) for row in status.ros_nodes] == [
-        ("/ghost", False, "connection refused"),
-        ("/sensor", True, ""),
-    ]
-    assert [(row.name, row.rate, row.publishers, row.connections) for row in status.topics] == [
-        ("/idle", None, 0, 0),
-        ("/temperature", 499.83, 1, 1),
-    ]
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
 
 def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None:
@@ -98,16 +99,16 @@ def test_a_promised_topic_that_nobody_publishes() -> None:
 
 
 def test_nothing_found() -> None:
-    assert status_of(Look(Status()), {}, {}) == fleet_status({}) == Status()
+    assert look.status_of(look.Look(Status()), {}, {}) == fleet_status({}) == Status()
     text = status_text(Status())
     assert text.count("  none") == 8 and "HOSTS\n  none\n" in text and "LAST" not in text and "ENDED" not in text
 
 
 def test_what_is_handed_on_between_the_tasks_is_the_same_afterwards() -> None:
     sources = {**SOURCES, "promised": promise(5)}
-    look = Look(fleet_status(sources), promised=sources["promised"], name="demo")
-    assert Look.from_dict(json.loads(json.dumps(look.as_dict()))) == look
-    assert Look.from_dict({"graphs": {}, "hosts": [{"name": "a"}]}).status == Status(hosts=(Host("a"),))
+    seen = look.Look(fleet_status(sources), promised=sources["promised"], name="demo")
+    assert look.Look.from_dict(json.loads(json.dumps(seen.as_dict()))) == seen
+    assert look.Look.from_dict({"graphs": {}, "hosts": [{"name": "a"}]}).status == Status(hosts=(Host("a"),))
 
 
 PAGE = """\
@@ -159,6 +160,221 @@ def test_the_page() -> None:
     assert status_text(fleet_status(SOURCES), width=110) == PAGE
 
 
-@pytest.mark.parametrize("width", [80, 100, 120])
-def test_the_page_fits(width: int) -> None:
-    assert max(map(len, status_text(fleet_status(SOURCES), width).splitlines())) <= width
+# ---- clusters
+
+PATIENT = 60.0
+
+
+class Cluster:
+    """An API by its name: `away` from the start, `half` breaks at the pods."""
+
+    closed: list[str] = []  # noqa: RUF012 - one list for the clusters of a test
+
+    def __init__(self, name: str, before: Any = None) -> None:
+        if name == "none":
+            raise KubeError("No usable Kubernetes credentials in none")
+        self.name, self.before = name, before
+        self.asked: list[tuple[str, str]] = []
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self.closed.append(self.name)
+
+    def get(self, ref: Ref) -> Any:
+        return (
+            {"data": {"robot1": '{"host": "robot1", "playbook": "update.yml", "started": ""}'}}
+            if ref.name == "rosops-outcomes"
+            else None
+        )
+
+    def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Any]:
+        if kind == "ConfigMap":
+            assert fields == "metadata.name=robot-updates"  # all maps together are megabytes
+            return []
+        assert namespace == "" and self.name not in self.closed
+        if self.before:
+            self.before()
+        if self.name == "away" or (self.name == "half" and kind == "Pod"):
+            raise KubeError("connection refused")
+        self.asked.append((kind, labels))
+        return [f"{kind} of {self.name}"]
+
+
+def opened(name: str) -> Any:
+    return Cluster(name)
+
+
+def test_everything_that_is_shown_is_asked_for_once() -> None:
+    made: list[Cluster] = []
+
+    def good() -> Any:
+        made.append(Cluster("good"))
+        return made[0]
+
+    answer = look.ask({"edge": good}, PATIENT)["edge"]
+    assert answer.problem == ""
+    assert answer.objects == {kind: [f"{kind} of good"] for kind in look.KINDS}
+    assert made[0].asked == list(look.KINDS.items())
+    assert made[0].closed[-1] == "good"
+    assert [run.playbook for run in answer.runs] == ["update.yml"]
+
+
+def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
+    Cluster.closed.clear()
+    given = {"a": "none", "b": "away", "c": "half", "d": "good"}
+    answers = look.ask({name: partial(opened, api) for name, api in given.items()}, PATIENT)
+    assert {name: one.problem for name, one in answers.items()} == {
+        "a": "No usable Kubernetes credentials in none",
+        "b": "connection refused",
+        "c": "connection refused",
+        "d": "",
+    }
+    assert [list(one.objects) for one in answers.values()] == [[], [], ["Node", "Deployment"], list(look.KINDS)]
+    assert sorted(Cluster.closed) == ["away", "good", "half"]
+
+
+def test_they_are_asked_side_by_side() -> None:
+    Cluster.closed.clear()
+    meeting = threading.Barrier(3)  # each waits for the others: one after the other this would never end
+
+    def meets() -> Any:
+        return Cluster("good", lambda: meeting.wait(PATIENT))
+
+    assert not any(one.problem for one in look.ask(dict.fromkeys("abc", meets), PATIENT).values())
+
+
+def test_one_that_never_answers_is_given_up() -> None:
+    Cluster.closed.clear()
+    end = threading.Event()
+
+    def slow() -> Any:
+        return Cluster("slow", lambda: end.wait(PATIENT))
+
+    try:
+        answers = look.ask({"a": slow, "b": partial(opened, "good")}, 0.2)
+    finally:
+        end.set()
+    assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")
+    assert list(answers["b"].objects) == list(look.KINDS)
+
+
+# ---- hosts
+
+GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
+VARIABLES: dict[str, dict[str, Any]] = {
+    "edge1": {"ansible_host": "10.0.0.11"},
+    "robot1": {},
+    "robot2": {},
+    "lone": {"robot_mode": "standalone"},
+}
+OFF = {"unreachable": True, "msg": "Task failed: timed out"}
+
+
+def found(
+    *names: str, off: tuple[str, ...] = (), every: dict[str, Any] | None = None, **more: dict[str, Any]
+) -> list[look.Member]:
+    hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
+    run = {name: hostvars[name] for name in names or hostvars}
+    addresses = {name: str(own.get("ansible_host", name)) for name, own in run.items()}
+    return look.members(fleet(GROUPS, hostvars), addresses, dict.fromkeys(off, OFF))
+
+
+def pods(robot: str, *addresses: str) -> Workload:
+    return Workload(robot, "base", addresses=addresses)
+
+
+def service(namespace: str, address: str, name: str = "ros-master") -> dict[str, Any]:
+    return {"metadata": {"name": name, "namespace": namespace}, "spec": {"clusterIP": address}}
+
+
+def test_rows_of_hosts() -> None:
+    edge, robot = (one.row for one in found("edge1", "robot2", off=("robot2",)))
+    assert edge == Host("edge1", "edge", "10.0.0.11", "server", "edge")
+    assert robot == Host("robot2", "robots", "robot2", "agent", "edge", False, "timed out")
+
+
+def test_each_cluster_is_asked_with_one_of_its_hosts() -> None:
+    asked, silent = look.clusters_of(found())
+    assert (asked, silent) == ({"edge": "edge1", "lone": "lone"}, {})
+
+
+def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:
+    asked, silent = look.clusters_of(found(off=("edge1",)))
+    assert (list(asked), silent) == (["lone"], {"edge": "its servers are unreachable"})
+
+
+def test_servers_outside_of_the_limit_may_be_up() -> None:
+    asked, silent = look.clusters_of(found("robot1", "robot2", off=("robot1",)))
+    assert (list(asked), silent) == (["edge"], {})
+
+
+def test_one_server_that_answers_is_enough() -> None:
+    part = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
+    hosts = [look.Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
+    assert list(look.clusters_of(hosts)[0]) == ["edge"]
+
+
+def test_every_robot_reads_its_own_masters_graph() -> None:
+    services = {
+        "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
+        "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
+    }
+    apps = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
+    assert look.graphs_to_read(found(), services, apps) == {
+        "robot1": look.Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
+        "robot2": look.Asked("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
+        "lone": look.Asked("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
+    }
+
+
+def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
+    services = {"edge": [service("robot-robot1", "10.43.0.1")]}
+    assert look.graphs_to_read(found(off=("robot1",)), services, []) == {}
+
+
+def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
+    services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
+    every = {"ros_master_mode": "shared"}
+    lone = look.Asked("lone", "http://10.43.0.8:11311")  # shares with nobody
+    shared = look.Asked("(shared)", "http://10.43.0.9:11311", ("10.42.0.7",))
+    apps = [pods("robot2", "10.42.0.7")]
+    assert look.graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
+    assert look.graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
+
+
+def test_an_external_master_needs_no_service() -> None:
+    external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
+    assert look.graphs_to_read(found(robot2=external), {}, []) == {"robot2": look.Asked("robot2", "http://hall:11311")}
+
+
+def test_what_volumes_hold() -> None:
+    path = "/var/lib/rancher/k3s/storage/pvc-3f_robot-robot1_logs-pvc"
+    assert look.usage_of(
+        [
+            {"stdout_lines": [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"]},
+            {"stdout_lines": []},
+            OFF,
+            {"stdout_lines": ["7\t/var/lib/rancher/k3s/storage/pvc-aa_fleet_maps"]},
+        ]
+    ) == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
+
+
+def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
+    results: dict[str, Any] = {
+        "fine": {"rc": 0},
+        "empty": {"rc": 1},
+        "slow": {"rc": 124},
+        "stuck": {"rc": 137},
+        "off": OFF,
+    }
+    assert [problem.where for problem in look.unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
+
+
+def test_rates_that_apps_promise() -> None:
+    topics = [{"name": "odom", "min_rate": 18}, {"name": "~own", "min_rate": 5}, {"name": "/scan", "publishers": 2}]
+    app = {"name": "base", "image": "a:1", "command": ["a"], "pattern": "pubsub", "readiness": {"topics": topics}}
+    fused = {**app, "name": "fused", "readiness": {"topics": [{"name": "/scan", "min_rate": 10, "publishers": 2}]}}
+    told = look.promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
+    assert told == {"robot1": {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}}

@@ -12,53 +12,28 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import UNFOLDED, status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
-    Claim,
     Host,
     LastRun,
-    Node,
-    Placed,
-    RosNode,
     Status,
     Step,
     Topic,
     Trouble,
-    Workload,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.a_fleet import SOURCES, fleet_status
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.html_check import Page
 
 MADE = "2026-11-21T09:07:52Z"
 HOSTILE = "<script>alert(1)</script>\"'><img src=http://example.org/x onerror=alert(1)>&amp;\x00\u202e"
 
-STATUS = Status(
-    hosts=(
-        Host("edge1", "edge", "10.0.0.11", "server", "edge"),
-        Host("robot1", "robots", "", "agent", "edge"),
-        Host("robot2", "robots", "", "", "edge", reachable=False, reason="timed out"),
-    ),
-    nodes=(
-        Node("robot1", True, version="v1", placement="local", robot="robot1"),
-        Node("robot2", reason="NodeStatusUnknown", placement="local", robot="robot2"),
-    ),
-    placement=(Placed("robot1", "local", ("robot1/sensor",)),),
-    masters=(Workload("robot1", "ros-master", ready=1, nodes=("robot1",)),),
-    apps=(Workload("robot1", "sensor", ready=1, nodes=("robot1",), images=("a:1",)),),
-    ros_nodes=(RosNode("robot1", "/sensor", reachable=True, services=("/a", "/b")),),
-    topics=(
-        Topic("robot1", "/temperature", "a/B", rate=499.83),
-        Topic("robot1", "/slow", "a/B", rate=0.5),
-        Topic("robot1", "/never", "a/B", note="no publisher answers"),
-    ),
-    claims=(Claim("robot1", "logs-pvc", bound=True, phase="Bound", size="1Gi", used_bytes=2**29),),
+STATUS = replace(
+    fleet_status(SOURCES),
     outcomes=(LastRun("robot1", "updated", "update.yml", MADE, 3),),
     steps=(
-        Step(
-            "robot1", "sensor", "0123456789ab", "overlap", "updated", ("a:1 (1)",), ("a:2 (2)",), 8.5,
-            phases={"gate": 1.0, "apply": 7.5},
-        ),
+        Step("robot1", "sensor", "0123456789ab", "overlap", "updated", ("a:1",), ("a:2",), 8.5, phases={"apply": 7.5}),
     ),
-)  # fmt: skip
-DOWN = replace(STATUS.apps[0], ready=0, note="CrashLoopBackOff")
+)
+DOWN = replace(STATUS.apps[1], ready=0, note="CrashLoopBackOff")
 
 
 def page(status: Status = STATUS, **more: str) -> Page:
@@ -114,7 +89,7 @@ def test_the_policy_lets_the_pages_own_style_through_and_nothing_else() -> None:
 def test_every_cell_belongs_to_a_header() -> None:
     found = page()
     tables, rows, heads = (found.tags.count(tag) for tag in ("table", "caption", "thead"))
-    assert tables == rows == heads == 11
+    assert tables == rows == heads == 12
     scopes = [about.get("scope") for tag, about in found.attributes if tag == "th"]
     assert set(scopes) == {"col", "row"}
     assert all(about["data-label"] for tag, about in found.attributes if tag == "td")
@@ -151,21 +126,22 @@ def test_an_empty_fleet() -> None:
 def test_what_is_wrong_comes_first_and_a_robot_that_is_off_last() -> None:
     status = replace(
         STATUS,
-        apps=(DOWN,),
+        nodes=(*STATUS.nodes, replace(STATUS.nodes[1], name="robot2", reason="NodeStatusUnknown")),
         outcomes=(LastRun("robot1", "rolled-back", "update.yml", note="half the rate"),),
         problems=(Trouble("cluster edge", "does not answer"),),
     )
     text = status_page(status, MADE)
     wants = section(text, "problems")
     assert re.findall('<li class="(bad|warn)">.*?<strong>(.*?)</strong>', wants) == [
+        ("bad", "node robot1"),
         ("bad", "cluster edge"),
-        ("bad", "app sensor of robot1"),
+        ("bad", "app stats of robot1"),
         ("bad", "last update.yml on robot1"),
         ("warn", "host robot2"),
     ]
     assert "<strong>host robot2</strong>: offline: timed out" in wants
     assert "NodeStatusUnknown" not in wants  # told with its host
-    assert '<tr role="row" class="warn">' in section(text, "nodes")
+    assert re.findall('<tr role="row" class="(.*?)">', section(text, "nodes")) == ["bad", "warn"]
 
 
 def test_a_large_fleets_tables_are_folded() -> None:
@@ -178,7 +154,7 @@ def test_a_large_fleets_tables_are_folded() -> None:
 
 
 def test_a_new_time_or_a_rate_that_trembles_makes_no_new_page() -> None:
-    trembles = (replace(STATUS.topics[0], rate=499.9), *STATUS.topics[1:])
+    trembles = (STATUS.topics[0], replace(STATUS.topics[1], rate=499.9))
     first = status_page(STATUS, MADE)
     for status in (STATUS, replace(STATUS, topics=trembles)):
         assert status_page(status, "2026-11-21T10:00:00Z", first) == first

@@ -10,16 +10,16 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import (
-    Places,
     Process,
     Reading,
     launched_rows,
     links,
+    place,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Ended, Link, Node, Workload
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Ended, Link, Workload
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
 
-NODES = [Node("edge1", address="192.0.2.10")]
+HOSTS = {"192.0.2.10": "edge1"}
 
 
 def found(**more: Any) -> dict[str, Link]:
@@ -28,7 +28,7 @@ def found(**more: Any) -> dict[str, Link]:
 
 
 @pytest.mark.parametrize(
-    ("robot", "address", "place"),
+    ("robot", "address", "found"),
     [
         ("robot1", "10.42.0.9", ("edge1", "detector")),
         ("robot1", "192.0.2.10", ("edge1", "")),  # in the host's own network
@@ -37,18 +37,18 @@ def found(**more: Any) -> dict[str, Link]:
         ("robot2", "10.42.0.9", ("10.42.0.9", "")),  # another robot's
     ],
 )
-def test_a_node_runs_where_its_pod_does(robot: str, address: str, place: tuple[str, str]) -> None:
-    assert Places(a_robot.APPS, NODES).of(robot, f"http://{address}:1234/" if address else "") == place
+def test_a_node_runs_where_its_pod_does(robot: str, address: str, found: tuple[str, str]) -> None:
+    assert place(robot, f"http://{address}:1234/" if address else "", a_robot.APPS, HOSTS) == found
 
 
 def test_clusters_have_the_same_addresses() -> None:
     """A robot that is a cluster of its own, and an app of the whole fleet's at the edge."""
     address = a_robot.ADDRESSES["robot1"]
     shared = Workload("(shared)", "map", nodes=("edge1",), addresses=(address,))
-    assert Places([*a_robot.APPS, shared], NODES).of("robot1", f"http://{address}:1/") == ("robot1", "base")
+    assert place("robot1", f"http://{address}:1/", [*a_robot.APPS, shared], HOSTS) == ("robot1", "base")
     # in one host's network both have the same, and nobody knows whose the node is
-    places = Places([*a_robot.APPS, replace(shared, nodes=("robot1",))], NODES)
-    assert places.of("robot1", f"http://{address}:1/") == ("robot1", "")
+    apps = [*a_robot.APPS, replace(shared, nodes=("robot1",))]
+    assert place("robot1", f"http://{address}:1/", apps, HOSTS) == ("robot1", "")
 
 
 def test_who_is_registered_and_alive_and_not_connected_is_broken() -> None:

@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import ACTIONS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import Report, RunReport, Task, screen
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
@@ -30,7 +29,7 @@ UNMET = {
 def started(*hosts: str, **info: Any) -> RunReport:
     report = RunReport(0.0)
     report.play("Robots", hosts or ("robot1",), 1.0)
-    report.task("t1", TaskInfo("Apply", "rosops.fleet.ros_ready", **info), 1.0)
+    report.task("t1", Task("Apply", "rosops.fleet.ros_ready", **info), 1.0)
     return report
 
 
@@ -128,7 +127,7 @@ def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
 def test_an_update_says_its_outcome_itself(action: str) -> None:
     said = {"outcome": {**BUSY, "steps": [{"name": "dock"}]}, "ansible_facts": {"fleet_outcome": "splendid"}}
     report = started()
-    report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
+    report.task("t2", Task("Do it", f"rosops.fleet.{action}"), 1.0)
     report.ok("t2", "robot1", said, 2.0)
     assert outcome(report, OK)[0] == ("unchanged" if action == "other" else "deferred-busy")
     assert [step["name"] for step in row(report)["steps"]] == ([] if action == "other" else ["dock"])
@@ -145,7 +144,7 @@ def test_the_verdicts_of_our_own_waits() -> None:
     unmet = ["topic /chatter: no publisher"]
     assert row(report)["ready"] == {"verdict": "wait", "elapsed": 60.02, "checks": 2, "unmet": unmet}
     assert row(report)["rollout"] is None
-    report.task("t2", TaskInfo("Wait", "rollout_ready"), 2.0)
+    report.task("t2", Task("Wait", "rollout_ready"), 2.0)
     rows = [
         {"kind": "Pod", "namespace": "n", "name": "a", "verdict": "fail", "reason": "ErrImagePull"},
         {"kind": "Pod", "namespace": "n", "name": "b", "verdict": "pass", "reason": "ready"},
@@ -157,13 +156,13 @@ def test_the_verdicts_of_our_own_waits() -> None:
 def test_durations_of_tasks_stages_and_plays() -> None:
     report = RunReport(0.0)
     report.play("First", ["a", "b"], 1.0)
-    report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 1.0)
+    report.task("t1", Task("Install", "k3s", stage="k3s"), 1.0)
     report.ok("t1", "a", {}, 3.0)
     report.ok("t1", "b", {"changed": True}, 4.5)
-    report.task("t2", TaskInfo("Look", "stat"), 5.0)
-    report.skipped("t2", "a", 5.5)
+    report.task("t2", Task("Look", "stat"), 5.0)
+    report.ran("t2", "a", 5.5)
     report.play("Second", ["a"], 6.0)
-    report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 7.0)  # the same task in a further batch of hosts
+    report.task("t1", Task("Install", "k3s", stage="k3s"), 7.0)  # the same task in a further batch of hosts
     report.ok("t1", "a", {}, 8.0)
     done = report.finish({"a": OK, "b": CHANGED}, 10.0).as_dict()
     assert done["plays"] == [{"name": "First", "seconds": 5.0}, {"name": "Second", "seconds": 4.0}]
@@ -184,7 +183,7 @@ def test_ten_slowest_tasks() -> None:
     report = RunReport(0.0)
     report.play("P", ["a"], 0.0)
     for number in range(15):
-        report.task(f"t{number}", TaskInfo(f"task {number}", "command"), number * 100.0)
+        report.task(f"t{number}", Task(f"task {number}", "command"), number * 100.0)
         report.ok(f"t{number}", "a", {}, number * 100.0 + number)
     names = [task["name"] for task in report.finish({"a": OK}, 2000.0).as_dict()["slowest_tasks"]]
     assert names == [f"task {number}" for number in range(14, 4, -1)]
@@ -207,7 +206,7 @@ def test_an_unknown_task_does_no_harm() -> None:
 
 def test_what_a_host_left_the_run_for_comes_without_the_task() -> None:
     report = started()
-    report.task("t9", TaskInfo("Leave the run", "rosops.fleet._leave"), 2.0)
+    report.task("t9", Task("Leave the run", "rosops.fleet._leave"), 2.0)
     report.failed("t9", "robot1", {"msg": "bringup: rate /imu: 45.4 Hz of 90 Hz"}, 2.0)
     [found] = report.finish({"robot1": FAILED}, 9.0).hosts
     assert (found.as_dict()["failed_task"], found.note) == (None, "bringup: rate /imu: 45.4 Hz of 90 Hz")

@@ -37,10 +37,6 @@ def test_rates(rate: float, said: str) -> None:
     assert rate_words(rate) == said
 
 
-def test_columns_are_as_wide_as_their_content() -> None:
-    assert table(["a", "long header"], [["x", 1], ["yyy", 22]]) == ["a    long header", "x    1", "yyy  22"]
-
-
 def test_the_widest_column_is_cut_first() -> None:
     lines = table(["host", "note"], [["robot1", "word " * 50]], width=40)
     assert max(map(len, lines)) <= 40
@@ -52,10 +48,6 @@ def test_the_widest_column_is_cut_first() -> None:
 def test_it_fits(width: int) -> None:
     rows = [["a" * size, "b" * 3 * size, "c" * 5] for size in (1, 9, 30)]
     assert max(map(len, table(["one", "two", "three"], rows, width))) <= max(width, 3 * 6 + 4)
-
-
-def test_only_headers() -> None:
-    assert table(["a", "b"], []) == ["a  b"]
 
 
 @pytest.mark.parametrize(

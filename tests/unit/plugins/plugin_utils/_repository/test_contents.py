@@ -11,13 +11,19 @@ from pathlib import Path
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
     EXAMPLE_FLEETS,
+    Change,
     contents,
     fleet_name,
+    plan,
+    read,
+    write,
 )
 
 CHECKOUT = Path(__file__).resolve().parents[5]
+WANTED = {"a/b.yml": "1\n", "c": "2\n", "d": "3\n"}
 
 
 @pytest.fixture
@@ -91,3 +97,38 @@ def test_packages_come_from_registries_alone() -> None:
 )
 def test_a_directory_s_name_is_made_a_fleet_s(directory: str, name: str) -> None:
     assert fleet_name(directory) == name
+
+
+def test_what_is_missing_is_written_and_what_differs_stays() -> None:
+    assert plan(WANTED, {"c": "2\n", "d": "mine\n"}, force=False) == ([Change("a/b.yml", None, "1\n")], ["d"])
+
+
+def test_force_writes_what_differs_and_nothing_else() -> None:
+    planned = plan(WANTED, {"c": "2\n", "d": "mine\n", "a/b.yml": ""}, force=True)
+    assert planned == ([Change("a/b.yml", "", "1\n"), Change("d", "mine\n", "3\n")], [])
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    assert read(tmp_path / "new", WANTED) == {}
+    write(tmp_path / "new", plan(WANTED, {}, force=False)[0])
+    assert read(tmp_path / "new", WANTED) == WANTED
+
+
+def test_a_file_that_is_no_text_differs(tmp_path: Path) -> None:
+    (tmp_path / "c").write_bytes(b"\xff")
+    assert plan(WANTED, read(tmp_path, WANTED), force=False)[1] == ["c"]
+
+
+def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "c").mkdir()
+    with pytest.raises(FleetError, match=r"/c: Is a directory\. Move it out of the way"):
+        read(tmp_path, WANTED)
+    (tmp_path / "a").write_text("")
+    with pytest.raises(FleetError, match=r"/a(/b\.yml)?: (File exists|Not a directory)"):
+        write(tmp_path, [Change("a/b.yml", None, "1\n")])
+
+
+def test_a_link_that_leads_nowhere_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "c").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(FleetError, match="/c: No such file"):
+        read(tmp_path, WANTED)
