@@ -165,9 +165,8 @@ from ..module_utils._common.errors import FleetError
 from ..module_utils._common.poll import PASS, Polled, Seen, poll
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS, conditions_from
-from ..module_utils._ros.gate import Look, look
+from ..module_utils._ros.gate import Look, Silence, look
 from ..module_utils._ros.listener import Listener
-from ..module_utils._ros.silence import Silence
 
 
 def result_of(ended: Polled) -> Data:
@@ -203,7 +202,7 @@ def main() -> None:
     try:
         conditions = conditions_from(params)
         ros, silence = Ros1Client(params["master_uri"], params["node_timeout"]), Silence()
-        ears = Listener(ros, conditions.values) if conditions.values else None
+        ears = Listener(ros, conditions.values).checks if conditions.values else None
 
         def probe() -> Seen:
             seen = look(ros, conditions, silence, ears)

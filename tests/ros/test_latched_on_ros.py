@@ -13,7 +13,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, names_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import names_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
 from run_module import Run
 from scene import Scene, until
@@ -139,7 +140,7 @@ def test_a_version_that_does_not_latch_what_the_one_before_did_is_refused(scene:
     begin(scene)
     start_dock(scene, OLD, "at the charger")
     latch(scene, OLD)
-    recorded = Graph.from_dict(run(ros_graph_info, md5sums=True)["graph"])
+    recorded = graph_from(run(ros_graph_info, md5sums=True)["graph"])
     assert names_of(recorded.topics["/dock"].latched) == [OLD]
     start_dock(scene, NEW, latch="no")
     assert stop(scene, OLD) == ""
@@ -156,5 +157,5 @@ def test_a_version_that_does_not_latch_what_the_one_before_did_is_refused(scene:
     assert seen(NEWER, topics=[{"name": "/dock", "publishers": 2, "type": "std_msgs/String"}]) == ("pass", [])
     verdict, (reason,) = seen(NEWER, topics=[{"name": "/dock", "publishers": 3}])
     assert (verdict, reason) == ("wait", "2 publishers of at least 3")
-    again = Graph.from_dict(run(ros_graph_info, md5sums=True)["graph"])
+    again = graph_from(run(ros_graph_info, md5sums=True)["graph"])
     assert contract.record(again, [NEWER]).topics.keys() == contract.record(recorded, [OLD]).topics.keys()

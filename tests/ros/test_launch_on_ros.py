@@ -11,8 +11,8 @@ import xmlrpc.client
 from pathlib import Path
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child, children, crash
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
 from exporter_scene import ExporterScene

@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen, poll
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read
 from scene import PYTHON, Scene, until
@@ -62,7 +63,7 @@ class GraphScene(Scene):
 
     def wait(self, wanted: dict[str, Any], timeout: float = 20, stable: float = 0.0) -> Look:
         asked = conditions_from(wanted)
-        ears = Listener(self.client, asked.values)
+        ears = Listener(self.client, asked.values).checks
 
         def probe() -> Seen:
             seen = look(self.client, asked, ears=ears)
@@ -109,7 +110,7 @@ def test_an_update_of_a_publisher(scene: GraphScene) -> None:
     only = scene.read(rates=True, rate_topics=["/relayed"], rate_seconds=0.5)["topics"]
     assert [name for name, topic in only.items() if topic["rate"] is not None] == ["/relayed"]
 
-    contract = record(Graph.from_dict(graph), ["/talker_old"], {"/talker_old": "/talker_new"})
+    contract = record(graph_from(graph), ["/talker_old"], {"/talker_old": "/talker_new"})
     assert contract.edges == (("/talker_new", "/chatter", "/listener"), ("/talker_new", "/chatter", "/relay"))
     assert set(contract.topics) == {"/chatter", "/config", "/talker_new/debug"}
     assert contract.topics["/config"].first.rate is None

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.watcher import Watcher
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Watcher
 from scene import PYTHON, Scene, until
 
 NODES = Path(__file__).with_name("traffic_nodes.py")

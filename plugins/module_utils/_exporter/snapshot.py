@@ -15,8 +15,8 @@ from typing import Any, Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
 from .._ros import bus_stats, graph, replies
+from .._ros.backend import MasterState
 from .._ros.bus_stats import Counted, Flow, Stats
-from .._ros.graph import MasterState
 from .._ros.roslaunch import Child
 
 REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
@@ -95,8 +95,8 @@ def is_stale(state: MasterState, name: str, answer: NodeReply) -> bool:
     if answer.stats is None:
         return False
     own = {topic for topic, _direction in answer.stats.flows}
-    registered = (*state.of(name, state.publishers), *state.of(name, state.subscribers))
-    return any(topic not in own for topic in registered)
+    node = state.graph.node(name)
+    return any(topic not in own for topic in (*node.publications, *node.subscriptions))
 
 
 def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:

@@ -12,10 +12,10 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from typing import Any
+from typing import Mapping
 
 from .._common.errors import RosError
-from .._ros.streams import TopicStream
+from .._ros.streams import Source, Streams
 from .._ros.tcpros import Reader
 from .observer import CALLER, Observer
 
@@ -70,7 +70,7 @@ class Statistics(threading.Thread):
         super().__init__(daemon=True, name="statistics")
         self.observer = Observer(uri, timeout)
         self.totals = Totals()
-        self.streams: dict[str, TopicStream] = {}
+        self.streams = Streams(CALLER, timeout, self._took)
 
     def rows(self) -> list[tuple[tuple[str, str, str], float, int]]:
         return self.totals.rows(time.monotonic())
@@ -82,27 +82,11 @@ class Statistics(threading.Thread):
             time.sleep(PERIOD)
 
     def connect(self) -> None:
-        """A stream to each publisher that has none."""
-        state = self.observer.graph()
-        wanted: dict[str, Any] = {}
-        for errand in self.observer.errands(state):
-            if errand.name in state.publishers.get(TOPIC, ()) and isinstance(errand.uri, str):
-                wanted[errand.name] = errand.uri
-        for name, stream in list(self.streams.items()):
-            if not stream.open or wanted.get(name) != stream.uri:
-                stream.close()
-                del self.streams[name]
-        for name, uri in wanted.items():
-            if name not in self.streams:
-                self._open(name, uri)
+        """A stream of each publisher. One that hangs, or is gone, is tried again at the next look."""
+        publishers = self.observer.graph().publishers.get(TOPIC, ())
+        uris = self.observer.addresses(publishers)[0]
+        self.streams.keep({(TOPIC, name, uri) for name, uri in uris.items()})
 
-    def _open(self, name: str, uri: str) -> None:
-        stream = TopicStream(CALLER, TOPIC, uri, lambda body: self.totals.add(body, time.monotonic()))
-        try:
-            stream.connect(self.observer.timeout)
-        except Exception:  # a publisher that hangs, or is gone: again at the next look
-            return
-        if stream.header.get("type", TYPE) == TYPE:
-            self.streams[name] = stream
-        else:
-            stream.close()
+    def _took(self, _source: Source, header: Mapping[str, str], body: bytes) -> None:
+        if header.get("type", TYPE) == TYPE:
+            self.totals.add(body, time.monotonic())

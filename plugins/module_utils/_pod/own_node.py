@@ -19,8 +19,9 @@ from typing import Iterable, Iterator, Mapping, Sequence
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
+from .._ros.backend import MasterState, Questions
 from .._ros.client import Ros1Client
-from .._ros.graph import MasterState, Node, Questions, Service, StatusReading, host_of
+from .._ros.graph import Node, Service, StatusReading, host_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
@@ -64,7 +65,7 @@ def find_node(settings: Settings, seconds: float = TIMEOUT) -> tuple[OwnNode | N
         state = ros.state()
         if name not in state.nodes():
             return None, f"node {name}: not registered with the master"
-        services = state.of(name, state.services)
+        services = state.graph.node(name).services
         graph = ros.ask(state, Questions({name: frozenset()}, services))
     except RosError as error:
         return None, str(error)
@@ -100,7 +101,7 @@ def nodes_here(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNo
         named = names_here(ros, settings, state)
         found = ros.ask(state, Questions({name: frozenset() for name in named}))
         here = [name for name in named if not found.node(name).refused]
-        services = {name: state.of(name, state.services) for name in here}
+        services = {name: state.graph.node(name).services for name in here}
         asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
     except RosError as error:
         return [], str(error)
@@ -147,10 +148,10 @@ class OwnNode:
         """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
         ros = ros_of(os.environ, seconds / 2)  # a question, and what follows from it
         state = ros.state()
-        name, uri = self.name, self.uri
+        name, uri, has = self.name, self.uri, state.graph.node(self.name)
         calls = [("unregisterService", name, *one) for one in self.services.items() if one[0] in state.services]
-        calls += [("unregisterPublisher", name, topic, uri) for topic in state.of(name, state.publishers)]
-        calls += [("unregisterSubscriber", name, topic, uri) for topic in state.of(name, state.subscribers)]
+        calls += [("unregisterPublisher", name, topic, uri) for topic in has.publications]
+        calls += [("unregisterSubscriber", name, topic, uri) for topic in has.subscriptions]
         ros.calls(calls)
 
     def forget(self, seconds: float = TIMEOUT) -> None:
@@ -168,7 +169,7 @@ class OwnNode:
             state = ros_of(os.environ, seconds).state()
         except RosError:
             return self.settings.actions
-        published = state.of(self.name, state.publishers)
+        published = state.graph.node(self.name).publications
         names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
         return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
 

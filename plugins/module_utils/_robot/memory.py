@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
-from .._ros.bodies import loads
 from .._ros.registrations import Entry, Liveness, Plan
+from .._ros.replies import loads
 from .hung import Silence
 
 AGAIN = 5.0  # seconds between two looks at a node, at least

@@ -12,8 +12,7 @@ import time
 from typing import Callable
 
 from .._common.errors import RosError
-from .._ros.backend import Backend
-from .._ros.graph import Questions
+from .._ros.backend import Backend, Questions
 from .._step.objects import name_of
 from .._step.words import LIVENESS_LEAST
 from .cluster_api import ApiError, Cluster

@@ -13,7 +13,7 @@ import functools
 import re
 from collections.abc import Mapping, Sequence
 
-from ...module_utils._exporter import bounds
+from ...module_utils._exporter import families
 from .._model import names
 from . import names as obs
 from .pod_labels import APP_OF_POD, ROBOT_OF_NAMESPACE
@@ -21,9 +21,9 @@ from .spec import Spec, runs
 from .templates import Config, filled
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
-# What a pod may show in one look, by job: more than the exporter does (`bounds.MOST`, and a claim or update here and
+# What a pod may show in one look, by job: more than the exporter does (`families.MOST`, and a claim or update here and
 # there), and more than an app has a use for. A pod with more is one whose look failed, and not the end of the database.
-SAMPLES = {obs.ROS_EXPORTER: bounds.MOST + 5_000, "apps": 50_000}
+SAMPLES = {obs.ROS_EXPORTER: families.MOST + 5_000, "apps": 50_000}
 LABELS = {"label_limit": 64, "label_name_length_limit": 256, "label_value_length_limit": 2048}
 # Jobs of one and the same discovery share its watches.
 PODS = {"role": "pod", "attach_metadata": {"node": True}}

@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ...module_utils._common.printable import printable
+from ...module_utils._common.errors import printable
 from . import rows
 from .glance import OK, level
 from .rows import Row, Status

@@ -12,7 +12,12 @@ from functools import partial
 from typing import Any, Iterable, Mapping, Protocol
 
 from ..._common.errors import RosError
-from ..._ros.actionlib import (
+from ..._ros.raw_node import Slave
+from ..._ros.registrar import Registrar
+from ..._ros.replies import connections
+from ..._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
+from ..._ros.streams import TopicStream
+from ..._ros.tcpros import (
     CANCEL_DEFINITION,
     CANCEL_MD5SUM,
     CANCEL_TYPE,
@@ -21,11 +26,6 @@ from ..._ros.actionlib import (
     encode_cancel,
     goal_id,
 )
-from ..._ros.raw_node import Slave
-from ..._ros.registrar import Registrar
-from ..._ros.replies import connections
-from ..._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
-from ..._ros.streams import TopicStream
 from . import rules
 from .rules import Goal, Hold, Order, Sight
 

@@ -14,9 +14,10 @@ import yaml
 from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.doc_fragments import _gate, _ros, _values
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import ROS_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.modules import ros_ready
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state

@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import 
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,

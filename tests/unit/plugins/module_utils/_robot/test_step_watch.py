@@ -16,13 +16,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api im
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.staying import Staying
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Graph,
-    MasterState,
-    Node,
-    Questions,
-    StatusReading,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
@@ -434,7 +430,7 @@ def test_a_version_that_only_waits_beside_the_old_one_has_no_goals(address: str,
 def launch_contract() -> dict[str, Any]:
     """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
     contracts = step_gate(
-        launch_step(), Graph.from_dict(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
+        launch_step(), graph_from(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
     ).contracts
     assert contracts["nav"].actions == ("/move_base",)
     return contracts["nav"].as_dict()

@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ro
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import MODULE_UTILS, relative_imports
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import World
 
-ANSWERS = {"graph", "names", "conditions", "checks", "contract", "gate", "silence", "backend"}
+ANSWERS = {"graph", "graph_json", "names", "conditions", "checks", "contract", "gate", "backend"}
 
 
 @pytest.mark.parametrize("name", [*sorted(f"_ros.{name}" for name in ANSWERS), "_pod.judge"])

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import registrations
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,
@@ -126,7 +127,7 @@ def test_a_graph_of_ros_graph_info() -> None:
         "services": {"/s": {"uri": "rosrpc://10.0.0.1:3"}, "/gone": {"uri": ""}},
     }
     expected = Entry(URI, 7, {"/a": "x/A"}, {"/b": "*"}, {"/s": "rosrpc://10.0.0.1:3"})
-    assert registrations.from_graph(Graph.from_dict(graph)) == {"/n": expected}
+    assert registrations.from_graph(graph_from(graph)) == {"/n": expected}
 
 
 def test_a_snapshot_of_the_master() -> None:

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.master import Master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import (
     URIS,
     Child,
@@ -21,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import
     processes,
     servers,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Master
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 POD = "10.42.0.7"
