@@ -157,6 +157,7 @@ checks:
       sample: {"type": "std_msgs/String", "missing": ["/listener_c"], "connections": 2}
 """
 
+from dataclasses import asdict
 
 from ansible.module_utils.basic import AnsibleModule
 
@@ -179,7 +180,7 @@ def result_of(ended: Polled) -> Data:
         "elapsed": round(ended.elapsed, 3),
         "looks": ended.looks,
         "held": round(ended.held, 3),
-        "checks": [check.as_dict() for check in last.checks],
+        "checks": [asdict(check) for check in last.checks],
     }
 
 

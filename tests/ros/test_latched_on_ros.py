@@ -91,19 +91,6 @@ def test_a_value_that_was_latched_on_an_event_survives_an_update(scene: Scene, n
     assert heard(scene, "/late") == ["at the charger", "on the way"]
 
 
-def test_what_the_next_version_latches_by_itself_counts(scene: Scene) -> None:
-    begin(scene)
-    start_dock(scene, OLD, "old")
-    latch(scene, OLD)
-    start_dock(scene, NEW, "new")
-    latch(scene, NEW)
-    assert stop(scene, OLD) == ""
-    until("the keeper to let it go", lambda: "lets go what" in scene.said())
-    assert "gives what" not in scene.said()
-    subscribe(scene, "/late")
-    until("the new value alone", lambda: heard(scene, "/late") == ["new"])
-
-
 def test_it_survives_versions_and_a_restart_of_the_keeper(scene: Scene) -> None:
     """Of two versions in a row nothing happened to the second one; what was kept waits for the third."""
     begin(scene)

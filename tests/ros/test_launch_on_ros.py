@@ -15,7 +15,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import e
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child, children, crash
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
-from exporter_scene import ExporterScene
 from run_module import Run
 from scene import NODES, PYTHON, Scene, until
 
@@ -106,30 +105,3 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> N
     assert launched["/killed"]["crash"] == "died, as its registration is still there"
     assert launched["/waits"]["exit_code"] == 5
     assert children(ros, {"10.42.0.7"}) == []
-
-
-def test_a_roslaunch_that_is_gone_leaves_its_address_and_nothing_else(scene: Scene) -> None:
-    launch(scene)
-    ros = Ros1Client(scene.uri, 5.0)
-    until("the processes", lambda: len(children(ros)) == 6)
-    until("the node", lambda: "/lives" in scene.registered())
-    scene.kill("roslaunch", signal.SIGTERM)
-    scene.processes["roslaunch"].wait()
-    assert len(ros.calls([("getParam", "/tester", "/roslaunch/uris")])[0]) == 1
-    assert children(ros) == []
-
-
-def test_the_exporter_shows_them(tmp_path: Path) -> None:
-    scene = ExporterScene(tmp_path)
-    try:
-        launch(scene)
-        until("the node", lambda: "/lives" in scene.registered())
-        scene.start_exporter()
-        for node in ("/arm/three", "/zero", "/waits"):
-            scene.until("its end", "ros_launch_process_up", 0, node=node)
-        found = scene.until("a node that lives", "ros_launch_process_up", 1, node="/lives")
-        assert found("ros_launch_process_starts_total", node="/lives") == 1
-        until("more starts", lambda: scene.scrape()("ros_launch_process_starts_total", node="/again") > 3)
-        assert "secret" not in found.text
-    finally:
-        scene.end()

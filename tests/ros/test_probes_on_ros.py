@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import time
 import xmlrpc.client
@@ -177,15 +176,6 @@ def test_a_subscriber_that_came_in_the_same_moment_is_told_of_the_publisher(scen
     until("numbers", lambda: scene.log("/listener")[-1].get("count"))
 
 
-def test_a_promised_rate_that_is_not_reached(scene: Scene, pods: Any) -> None:
-    pod = pods("talker", min_rates={"/numbers": 900})
-    talking(scene, pod)
-    status, line = pod.call("started")
-    assert status == 1
-    assert line.startswith("not ready: rate /numbers: ")
-    assert "of at least 900 Hz" in line
-
-
 @pytest.mark.parametrize(
     ("owed", "why"),
     [
@@ -305,20 +295,6 @@ def test_a_busy_server_is_let_finish(scene: Scene, pods: Any) -> None:
     assert pod.node not in scene.registered()
 
 
-def test_a_server_that_does_not_finish_is_stopped_all_the_same(scene: Scene, pods: Any) -> None:
-    pod = pods("worker", stop_deadline=6)
-    scene.start_master()
-    scene.start("server", pod.node)
-    assert pod.call("started") == (0, "")
-    scene.start("client", "/boss", "/work", "1", "1", "60000")
-    until("a goal under way", lambda: any("start" in line for line in scene.log(pod.node)))
-    began = time.monotonic()
-    status, line = pod.call("stop")
-    assert time.monotonic() - began < 8
-    assert status == 0
-    assert re.search(r"stopped with open goals after [34] s: /work ACTIVE", line)
-
-
 def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> None:
     """Goals back to back: the old server is never idle for long, and no goal may be lost, broken or done twice."""
     old = pods("worker", stop_deadline=20, keeper=f"http://127.0.0.1:{scene.keeper_port}")
@@ -337,11 +313,3 @@ def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> N
     assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED] * 60
     done = [line["end"] for node in (old.node, new.node) for line in scene.log(node) if "end" in line]
     assert sorted(done) == [number * 100000 + 100 for number in range(1, 61)]
-
-
-def test_a_node_that_is_not_there_is_left_alone(scene: Scene, pods: Any) -> None:
-    pod = pods("nobody")
-    scene.start_master()
-    line = f"node {pod.node}: not registered with the master"
-    assert pod.call("started") == (1, f"not ready: {line}")
-    assert pod.call("stop") == (0, f"rosops.fleet: left to SIGTERM: {line}")

@@ -62,21 +62,6 @@ def test_present_gives_a_service_back_to_the_provider_that_survived(scene: Scene
     assert {(line["ok"], line.get("answer")) for line in scene.log("/caller")} == {(True, "/old")}
 
 
-def test_present_leaves_a_name_to_its_newer_process(scene: Scene, run: Run) -> None:
-    scene.start_master()
-    scene.start("service", "/adder")
-    until("the service", lambda: scene.registered()["/adder"].services.get("/trigger"))
-    graph = run(ros_graph_info)["graph"]
-    scene.kill("/adder")
-    scene.start("service", "/adder")
-    uri = graph["nodes"]["/adder"]["uri"]
-    until("the newer one", lambda: scene.registered()["/adder"].uri != uri)
-    now = until("its service", lambda: len(scene.registered()["/adder"].services) == 3 and scene.registered())
-    done = run(ros_registrations, graph=graph)
-    assert (done["changed"], len(done["skipped"])) == (False, 1)
-    assert scene.registered() == now
-
-
 def test_absent_removes_the_dead_only(scene: Scene, run: Run) -> None:
     scene.start_master()
     for name in ("/alive", "/dead", "/hanging"):

@@ -154,15 +154,6 @@ def _sent(before: Stats, after: Stats) -> dict[str, int]:
     return found
 
 
-def is_overflow(fault: str) -> bool:
-    """Whether a fault is rospy's own trouble with a count past XML-RPC's 32 bits.
-
-    >>> is_overflow("<class 'OverflowError'>:int exceeds XML-RPC limits")
-    True
-    """
-    return "OverflowError" in fault or "exceeds XML-RPC limits" in fault
-
-
 # ---- asking
 
 

@@ -8,7 +8,7 @@ Pure. `wait` is the verdict for everything that time may mend; `fail` only for w
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Iterable, Sequence
 
 from .._common.documents import Data
@@ -29,9 +29,6 @@ class Check:
     verdict: str
     reason: str
     observed: Data = field(default_factory=dict)
-
-    def as_dict(self) -> Data:
-        return asdict(self)
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name}: {self.reason}"

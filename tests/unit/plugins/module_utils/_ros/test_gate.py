@@ -543,17 +543,9 @@ def test_a_look_that_passes() -> None:
     assert ros.asked == [(recorded_state(), questions(recorded_state(), wanted))]
     assert (seen.verdict, [check.kind for check in seen.checks], seen.unmet) == (PASS, ["master", "node", "topic"], [])
     assert ros.types is False
-
-
-def test_no_condition_is_a_master_that_answers() -> None:
+    wrong = look(ros, Conditions(nodes=("/nobody",), topics=(TopicCondition("/chatter", type="std_msgs/Int32"),)))
+    assert (wrong.verdict, ros.types) == (FAIL, True)  # which outweighs what may still come
     assert look(FakeRos(healthy()), Conditions()).verdict == PASS
-    assert look(FakeRos(healthy(), error="down"), Conditions()).verdict == WAIT
-
-
-def test_the_types_are_asked_for_only_when_needed() -> None:
-    ros = FakeRos(healthy())
-    look(ros, Conditions(topics=(TopicCondition("/chatter", type="std_msgs/String"),)))
-    assert ros.types is True
 
 
 @pytest.mark.parametrize(
@@ -585,6 +577,8 @@ def test_rates_are_measured_once_all_else_passes() -> None:
     seen = look(ros, wanted)
     assert seen.verdict == PASS
     assert ros.sampled == {"/chatter": 1.0, "/work/status": 2.0}
+    early = look(ros := FakeRos(graph()), replace(wanted, nodes=(DEAD,)))
+    assert (early.verdict, ros.sampled, [check.kind for check in early.unmet]) == (WAIT, {}, ["node", "rate", "rate"])
 
 
 def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
@@ -597,18 +591,6 @@ def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
     seen = look(Losing(healthy(), Rate(100.0, 100, 1.0)), wanted)
     assert seen.verdict == WAIT
     assert "nothing listens" in str(seen.unmet[0])
-
-
-def test_rates_are_not_measured_before() -> None:
-    ros = FakeRos(graph())
-    seen = look(ros, Conditions(nodes=(DEAD,), topics=(TopicCondition("/chatter", min_rate=90.0),)))
-    assert (seen.verdict, ros.sampled) == (WAIT, {})
-    assert [check.kind for check in seen.unmet] == ["node", "rate"]
-
-
-def test_a_failure_outweighs_what_may_still_come() -> None:
-    wanted = Conditions(nodes=("/nobody",), topics=(TopicCondition("/chatter", type="std_msgs/Int32"),))
-    assert look(FakeRos(healthy()), wanted).verdict == FAIL
 
 
 def test_without_a_master_every_condition_is_unmet_and_named() -> None:
@@ -653,14 +635,3 @@ def test_what_messages_say_is_part_of_the_verdict() -> None:
     ros = FakeRos(healthy())
     assert (look(ros, rated, ears=ears(WAIT)).verdict, ros.sampled) == (WAIT, {})
     assert look(ros, rated, ears=ears(PASS, WAIT)).verdict == WAIT  # nor may it end while rates are measured
-
-
-def test_a_check_as_data() -> None:
-    check = Check("node", "/a", WAIT, "not registered", {"pid": None})
-    assert check.as_dict() == {
-        "kind": "node",
-        "name": "/a",
-        "verdict": WAIT,
-        "reason": "not registered",
-        "observed": {"pid": None},
-    }

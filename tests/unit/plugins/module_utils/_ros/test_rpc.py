@@ -67,29 +67,14 @@ def test_what_is_no_address(uri: str) -> None:
 # ---- calls
 
 
-def test_a_call_and_its_caller_id(peers: Peers) -> None:
-    seen = []
-    uri = peers.api("node", {"getPid": [1, "", 7], "echo": lambda *args: [1, "", list(args)]})
-    with Api(uri, "/test", Deadline(5)) as api:
-        seen.append(api.call("getPid"))
-        seen.append(api.call("echo", "a", [["TCPROS"]]))
-    assert seen == [7, ["a", [["TCPROS"]]]]
-
-
 def test_one_connection_serves_all_calls(peers: Peers) -> None:
-    uri = peers.api("node", {"getPid": [1, "", 7]})
+    uri = peers.api("node", {"getPid": [1, "", 7], "echo": lambda *args: [1, "", list(args)]})
     with Api(uri, "/test", Deadline(5)) as api:
         api.call("getPid")
         kept = api.http.sock
-        api.call("getPid")
+        assert api.call("echo", "a", [["TCPROS"]]) == ["a", [["TCPROS"]]]
         assert api.http.sock is kept
         assert kept is not None
-
-
-def test_a_peer_that_closes_after_each_call(peers: Peers) -> None:
-    uri = peers.api("node", {"getPid": [1, "", 7]}, keep=False)
-    with Api(uri, "/test", Deadline(5)) as api:
-        assert [api.call("getPid"), api.call("getPid")] == [7, 7]
 
 
 def test_a_kept_connection_that_the_peer_dropped_is_opened_again(peers: Peers) -> None:
