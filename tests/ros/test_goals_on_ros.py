@@ -15,8 +15,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ro
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
-from run_module import Run
-from scene import LOST, RECALLED, SUCCEEDED, Scene, until
+from scene import LOST, RECALLED, SUCCEEDED, Run, Scene, until
 
 HANDOVERS = int(os.environ.get("ROSOPS_HANDOVERS", "8"))
 ACTION, SERVER = "/work", "/worker"

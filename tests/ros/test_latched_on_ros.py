@@ -16,8 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import names_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
-from run_module import Run
-from scene import Scene, until
+from scene import Run, Scene, until
 
 OLD, NEW, NEWER = "/dock_0000000a", "/dock_0000000b", "/dock_0000000c"
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 import signal
 
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info, ros_registrations
-from run_module import Run
-from scene import Scene, until
+from scene import Run, Scene, until
 
 
 def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:

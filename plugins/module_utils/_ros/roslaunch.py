@@ -71,7 +71,9 @@ def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is fr
     if child.alive or child.exit_code == 0:
         return again
     ended = f"ended with {how(child.exit_code)}" if child.exit_code is not None else ""
-    if child.unexplained and _left_behind(child, graph):
+    # its node is registered at its host, where nothing listens any more
+    left = (node.refused and host_of(node.uri) == child.host for node in graph.named(child.node))
+    if child.unexplained and any(left):
         ended = "died, as its registration is still there"
     return " and ".join(part for part in (again, ended) if part)
 
@@ -92,11 +94,6 @@ def how(exit_code: int) -> str:
         return f"signal {signal.Signals(-exit_code).name}"
     except ValueError:
         return f"signal {-exit_code}"
-
-
-def _left_behind(child: Child, graph: Graph) -> bool:
-    """Its node is registered at its host, where nothing listens any more."""
-    return any(node.refused and host_of(node.uri) == child.host for node in graph.named(child.node))
 
 
 # ---- asking

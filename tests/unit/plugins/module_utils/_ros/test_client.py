@@ -292,12 +292,6 @@ def test_a_status_that_comes_only_once_is_not_idle(ros: Replay) -> None:
     assert judge(master, actions=[{"name": "/work"}])["action", "/work"][0] == PASS
 
 
-def test_a_status_that_is_none(ros: Replay) -> None:
-    ros.statuses = [b"\x01\x02\x03"]
-    verdict, reason = judge(ros.start(), actions=[{"name": "/work"}])["action", "/work"]
-    assert (verdict, "the message ends early" in reason) == (WAIT, True)
-
-
 # ---- rates
 
 
@@ -371,13 +365,6 @@ def test_who_is_gone_leaves_the_others_rate(ros: Replay, a: str, b: str, message
     assert (rate.messages, rate.error.startswith(error), bool(rate.error)) == (messages, True, bool(error))
     of = {key.name: part.error for key, part in rate.by.items()}
     assert of["/talker_a"].startswith("/talker_a: " + {"dead": "nothing listens at", "hung": "no answer from"}[a])
-
-
-def test_large_messages_are_skipped(ros: Replay) -> None:
-    ros.messages = [framed(bytes(3_000_000))] * 5
-    master = ros.start()
-    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 2.0})
-    assert rates["/chatter_relay"].messages == 5
 
 
 def test_a_publisher_that_closes_the_stream(ros: Replay) -> None:

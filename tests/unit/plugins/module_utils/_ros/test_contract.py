@@ -291,3 +291,5 @@ def test_what_an_update_is_meant_to_change_is_not_recorded(ignore: list[str], le
     assert set(found["topics"]) == left
     assert found["actions"] == ([] if "/cook" in ignore else ["/cook"])
     assert {edge[1] for edge in found["edges"]} <= left | {"/config"}
+    earlier = Contract.from_dict(record(graph(), [OLD], {OLD: NEW})).owed(Intended(tuple(ignore)))
+    assert earlier == Contract.from_dict(found)  # as is asked of an app that is down when its update begins

@@ -162,8 +162,3 @@ def test_one_question_where_nobody_launched_anything_here(peers: Peers) -> None:
     told = {"elsewhere": "http://10.42.0.9:40001/"}
     assert children(master(peers, told), {"127.0.0.1"}) == []
     assert peers.calls == [("master", "getParam"), ("master", "getParam")]
-
-
-def test_a_master_that_does_not_answer(peers: Peers) -> None:
-    with pytest.raises(RosError, match="does not answer"):
-        children(Master(f"http://127.0.0.1:{peers.dead()}/", 0.5))

@@ -84,14 +84,6 @@ def test_a_graph_of_a_hundred_robots_is_read_by_everybody(peers: Peers, tmp_path
     assert (said, len(keeper.memory.nodes)) == ([], ROBOTS * APPS)
 
 
-def test_a_graph_without_end_is_refused_in_words(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert rpc.MAX_REPLY == 64 * 1024 * 1024
-    monkeypatch.setattr(rpc, "MAX_REPLY", 100_000)
-    fleet = Fleet(peers, whole_fleet())
-    with pytest.raises(RosError, match="reply to getSystemState is longer than 100000 bytes"):
-        Ros1Client(fleet.uri, LONG).state()
-
-
 # ---- a look costs what changed
 
 
