@@ -176,7 +176,7 @@ def rates(ros: Master, graph: Graph, topics: Iterable[str], seconds: float) -> d
             for key in keys
             if topic in counted.get(key, ())
         }
-        why = {key: errors[key] for key in keys if key in errors} if not by else {}
+        why = {key: errors[key] for key in keys if key in errors}
         if by or why:
             found[topic] = Rate.of_all(by, why)
     return found

@@ -231,4 +231,4 @@ def test_a_publisher_that_does_not_tell(peers: Peers, monkeypatch: pytest.Monkey
     assert rate.error == f"/n0: nothing listens at {gone}"
     both = measured(peers, monkeypatch, gone, node(peers, "rospy", [(1, 5)], [(1, 10)]))
     assert both is not None
-    assert (both.error, both.messages) == ("", 5)
+    assert (both.error, both.messages, [one.messages for one in both.by.values()]) == ("", 5, [5, 0])

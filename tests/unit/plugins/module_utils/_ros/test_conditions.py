@@ -87,7 +87,7 @@ def test_no_options_are_no_conditions() -> None:
         ({"topics": [{"name": "/t", "publishers": -1}]}, "topics[0].publishers"),
         ({"topics": [{"name": "/t", "subscribers": -1}]}, "topics[0].subscribers"),
         ({"topics": [{"name": "/t", "min_rate": -0.5}]}, "topics[0].min_rate"),
-        ({"topics": [{"name": "/t", "min_rate": float("nan")}]}, "topics[0].min_rate"),
+        ({"topics": [{"name": "/t", "min_rate": float("inf")}]}, "topics[0].min_rate"),
         ({"topics": [{"name": "/t"}, {"name": "?"}]}, "topics[1].name"),
         ({"services": [{"name": "a.b"}]}, "services[0].name"),
         ({"namespace": "a b"}, "namespace"),

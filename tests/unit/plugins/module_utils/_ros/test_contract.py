@@ -142,6 +142,7 @@ LATCHED = changed(latched={**topic([OLD, STATS_OLD], [], kind="*"), "latched": [
         (changed(config=topic([], [OLD])), [OLD], {}, None, {"subscriptions": {}}),
         (changed(config=topic(["/dead"], [OLD])), [OLD], {}, None, {"subscriptions": {}}),
         (graph(), [OLD], BOTH, MOVED, {"actions": ["/bake"]}),
+        (graph(), [OLD], BOTH, Intended(("/bake",), MOVED.renamed), {"actions": []}),
         (TOGETHER, [OLD], BOTH, None, {"members": [STATS_NEW, NEW]}),
         (graph(), [OLD], {}, MEANT, {
             "subscriptions": {}, "services": {f"{OLD}/reset": ANY_SERVICE}, "actions": [],
@@ -293,3 +294,5 @@ def test_what_an_update_is_meant_to_change_is_not_recorded(ignore: list[str], le
     assert {edge[1] for edge in found["edges"]} <= left | {"/config"}
     earlier = Contract.from_dict(record(graph(), [OLD], {OLD: NEW})).owed(Intended(tuple(ignore)))
     assert earlier == Contract.from_dict(found)  # as is asked of an app that is down when its update begins
+    nothing = earlier.owed(Intended(on_demand=(NEW,)))
+    assert (nothing.nodes, nothing.topics, nothing.edges, nothing.services) == ((NEW,), {}, (), {})

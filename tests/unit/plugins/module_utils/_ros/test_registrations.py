@@ -77,6 +77,7 @@ def test_the_newer_process_of_a_name_is_left_alone() -> None:
         ({}, False, {"publications", "subscriptions", "services"}),
         ({"/n": TALKER}, True, set()),
         ({"/n": Entry(URI, None, {"/a": "x/A"})}, False, {"subscriptions", "services"}),
+        ({"/n": Entry(OTHER, 7, {"/a": ""}, {"/b": ""})}, False, {"publications", "subscriptions", "services"}),
         # the service points elsewhere
         ({"/n": Entry(URI, 0, {"/a": ""}, {"/b": ""}), "/m": Entry(OTHER, 0, services={"/s": "y"})}, False, set()),
         (

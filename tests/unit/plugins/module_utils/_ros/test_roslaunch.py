@@ -50,6 +50,7 @@ def node(name: str = "/arm/lidar", uri: str = f"http://{POD}:4711/", refused: bo
 )
 def test_what_is_a_crash(child: Child, said: str) -> None:
     assert crash(child) == said
+    assert child == GONE or crash(child, node()) == said
 
 
 @pytest.mark.parametrize(
