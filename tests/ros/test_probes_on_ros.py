@@ -263,36 +263,27 @@ def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_fo
     assert scene.log("/caller")[0]["ok"] is True
 
 
-def test_servers_that_the_app_names_itself_are_let_finish_and_not_shut_down(scene: Scene, pods: Any) -> None:
+@pytest.mark.parametrize("named", [True, False])
+def test_a_busy_server_is_let_finish_and_one_that_the_app_names_itself_not_shut_down(
+    scene: Scene, pods: Any, named: bool
+) -> None:
     """As under roslaunch, which would take the end of a node for its failure."""
-    pod = pods("launch", expect_node=False)
+    pod = pods("worker", expect_node=named)
+    node = pod.node if named else "/move_base"
     scene.start_master()
-    scene.start("server", "/move_base")
+    scene.start("server", node)
+    if named:
+        assert pod.call("started") == (0, "")
     scene.start("client", "/boss", "/work", "1", "1", "3000")
-    until("a goal under way", lambda: any("start" in line for line in scene.log("/move_base")))
-    began = time.monotonic()
-    status, line = pod.call("stop")
-    assert (status, line) == (0, "rosops.fleet: goals of /work are not held: there is no keeper")
-    assert 1.5 < time.monotonic() - began < 9
-    until("the result", lambda: any("goal" in line for line in scene.log("/boss")))
-    assert "/move_base" not in scene.registered()  # it has left the graph, and lives until it gets its signal
-    assert scene.processes["/move_base"].poll() is None
-
-
-def test_a_busy_server_is_let_finish(scene: Scene, pods: Any) -> None:
-    pod = pods("worker", stop_deadline=20)
-    scene.start_master()
-    scene.start("server", pod.node)
-    assert pod.call("started") == (0, "")
-    scene.start("client", "/boss", "/work", "1", "1", "3000")
-    until("a goal under way", lambda: any("start" in line for line in scene.log(pod.node)))
+    until("a goal under way", lambda: any("start" in line for line in scene.log(node)))
     began = time.monotonic()
     assert pod.call("stop") == (0, "rosops.fleet: goals of /work are not held: there is no keeper")
     assert 1.5 < time.monotonic() - began < 9
     until("the result", lambda: any("goal" in line for line in scene.log("/boss")))
     assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED]
-    assert not any("broken" in line for line in scene.log(pod.node))
-    assert pod.node not in scene.registered()
+    assert not any("broken" in line for line in scene.log(node))
+    assert node not in scene.registered()
+    assert named or scene.processes[node].poll() is None  # it lives until it gets its signal
 
 
 def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> None:

@@ -59,22 +59,3 @@ def test_present_gives_a_service_back_to_the_provider_that_survived(scene: Scene
     count = len(scene.log("/caller"))
     until("more answers", lambda: len(scene.log("/caller")) > count + 20)
     assert {(line["ok"], line.get("answer")) for line in scene.log("/caller")} == {(True, "/old")}
-
-
-def test_absent_removes_the_dead_only(scene: Scene, run: Run) -> None:
-    scene.start_master()
-    for name in ("/alive", "/dead", "/hanging"):
-        scene.start("listener", name)
-    until("three nodes", lambda: len(scene.registered()) == 3)
-    until("their services", lambda: all(len(entry.services) == 2 for entry in scene.registered().values()))
-    scene.kill("/dead")
-    scene.kill("/hanging", signal.SIGSTOP)
-    predicted = run(ros_registrations, state="absent", _ansible_check_mode=True)
-    assert "/dead" in scene.registered()
-    done = run(ros_registrations, state="absent", nodes=["/dead", "/hanging", "/alive"])
-    assert done["removed"] == predicted["removed"]
-    assert {entry["node"] for entry in done["removed"]} == {"/dead"}
-    assert [entry["node"] for entry in done["skipped"]] == ["/alive", "/hanging"]
-    assert set(scene.registered()) == {"/alive", "/hanging"}
-    again = run(ros_registrations, state="absent")
-    assert (again["changed"], [entry["node"] for entry in again["skipped"]]) == (False, ["/hanging"])

@@ -92,17 +92,6 @@ def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> 
     assert most[0] == 3
 
 
-def test_many_that_hang_take_their_turns_and_end(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observer, "AT_ONCE", 2)
-    nodes = {f"/hung{i}": f"http://127.0.0.1:{peers.hung()}/" for i in range(4)}
-    made = poller(peers, {**nodes, "/good": peers.api("good", node())}, 0.3)
-    made.poll()
-    made.poll()
-    assert made.snapshot.ros.nodes == {**dict.fromkeys(nodes, False), "/good": True}
-    assert errors(made) == {"timeout": 8}
-    assert made.snapshot.duration < 2.5
-
-
 @pytest.mark.parametrize(
     ("reply", "why"),
     [([1, "", 7], "malformed"), ([-1, "no", 0], "fault"), ("nonsense", "malformed"), (None, "timeout")],

@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, around, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
@@ -18,48 +18,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     ServiceProbe,
     StatusReading,
     Topic,
-    names_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
     DEAD,
-    recorded,
     recorded_answers,
     recorded_state,
 )
-
-
-def test_a_server_is_one_node_with_all_of_it() -> None:
-    [action] = recorded_state().graph.actions.values()
-    assert (action.name, action.type) == ("/work", "actionlib/TestAction")
-    assert (names_of(action.servers), names_of(action.clients)) == (["/worker"], ["/asker"])
-    state = MasterState(
-        {"/x/status": ("/a",), "/y/status": ("/a", "/b")},
-        {"/x/goal": ("/b",), "/x/cancel": ("/b",), "/y/goal": ("/b",), "/y/cancel": ("/b", "/a")},
-    )
-    assert list(state.graph.actions) == ["/y"]
-    assert (state.servers("/y"), state.servers("/x")) == (("/b",), ())
-
-
-def test_everything_asks_every_node_service_and_action() -> None:
-    wanted = everything(recorded_state())
-    assert wanted.nodes == dict.fromkeys([*recorded("nodes"), DEAD], frozenset({"bus"}))
-    assert "/trigger" in wanted.services
-    assert wanted.actions == ("/work",)
-
-
-def test_a_part_of_the_graph_asks_those_around_its_nodes() -> None:
-    state = MasterState(
-        {"/in": ("/far", "/b"), "/out": ("/a",), "/else": ("/c",), "/work/status": ("/w",)},
-        {"/out": ("/b", "/d"), "/in": ("/a",), "/else": ("/e",), "/work/goal": ("/w",), "/work/cancel": ("/w",)},
-        {"/a/s": ("/a",), "/b/s": ("/b",)},
-    )
-    wanted = around(state, ["/a", "/a", "/not_registered"])
-    bus = frozenset({"bus"})
-    assert wanted.nodes == {"/a": bus, "/far": bus, "/b": bus, "/d": frozenset()}
-    assert (wanted.services, wanted.actions) == (("/a/s",), ("/work",))
-
 
 DEAD_NODE = {
     "uri": "http://127.0.0.1:9/", "pid": None, "reachable": False, "error": "nothing listens at http://127.0.0.1:9/",
