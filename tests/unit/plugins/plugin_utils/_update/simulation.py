@@ -21,7 +21,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
@@ -577,7 +577,7 @@ class SimulatedHost:
             assert master
             heard = sim.graph().heard(nodes)
             rates = sim.rates(heard, dict.fromkeys(heard.topics, rate_seconds)) if nodes else {}
-            return graph_from(sim.graph().measured(rates).as_dict())
+            return graph_from(graph_data(sim.graph().measured(rates)))
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         sim, actions = self.sim, calm.actions
