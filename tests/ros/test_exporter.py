@@ -5,104 +5,20 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
 import time
-import urllib.request
 import xmlrpc.client
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
-from prometheus_client.openmetrics.parser import text_string_to_metric_families
-from scene import PYTHON, Scene, free_port, until
+from exporter_scene import ExporterScene, Metrics
+from scene import until
 
 ROSOUT, RELAY = Path("/usr/lib/rosout/rosout"), Path("/usr/lib/topic_tools/relay")
 TOLERANCE = 0.02
 BUSY_TOLERANCE = 0.05  # between scrapes a second apart, on a machine that may be busy
-
-
-class Metrics:
-    """One scrape, read by a strict parser."""
-
-    def __init__(self, text: str, at: float, seconds: float) -> None:
-        self.at, self.seconds, self.text = at, seconds, text
-        self.samples = [
-            (sample.name, dict(sample.labels), float(sample.value))
-            for family in text_string_to_metric_families(text)
-            for sample in family.samples
-        ]
-
-    def all(self, name: str, **labels: str) -> list[tuple[dict[str, str], float]]:
-        return [
-            (found, value)
-            for sample, found, value in self.samples
-            if sample == name and labels.items() <= found.items()
-        ]  # fmt: skip
-
-    def __call__(self, name: str, **labels: str) -> float:
-        """The one value; LookupError if there is none."""
-        values = self.all(name, **labels)
-        if len(values) != 1:
-            raise LookupError(f"{name}{labels}: {values}")
-        return values[0][1]
-
-
-class ExporterScene(Scene):
-    def __init__(self, directory: Path) -> None:
-        super().__init__(directory)
-        self.exporter_port = free_port()
-
-    def start_exporter(self, *options: str, interval: float = 1.0, timeout: float = 1.0) -> subprocess.Popen[bytes]:
-        code = self.directory / "exporter"
-        code.mkdir(exist_ok=True)
-        for name, text in exporter_files().items():
-            (code / name).write_text(text)
-        process = self._start(
-            "exporter",
-            *("/usr/bin/env", "MALLOC_ARENA_MAX=1", os.environ.get("EXPORTER_PYTHON", PYTHON), "-I", "-S"),
-            *(str(code / "run.py"), "exporter", "--address", "127.0.0.1", "--port", str(self.exporter_port)),
-            *("--interval", f"{interval:g}", "--timeout", f"{timeout:g}", *options),
-        )
-        until("a scrape", self.scrape)
-        return process
-
-    def scrape(self) -> Metrics:
-        began, at = time.monotonic(), time.time()
-        with urllib.request.urlopen(f"http://127.0.0.1:{self.exporter_port}/metrics", timeout=5) as reply:
-            text = reply.read().decode()
-        return Metrics(text, at, time.monotonic() - began)
-
-    def until(self, what: str, name: str, expected: float, seconds: float = 30.0, **labels: str) -> Metrics:
-        """Scrape until a metric has a value."""
-
-        def true() -> Any:
-            found = self.scrape()
-            return found if found(name, **labels) == expected else None
-
-        made: Metrics = until(what, true, seconds)
-        return made
-
-    def polls(self, more: int) -> Metrics:
-        """The scrape once there have been so many more polls, which is how the exporter's time passes."""
-        wanted = self.scrape()("ros_exporter_polls_total") + more
-
-        def true() -> Any:
-            found = self.scrape()
-            return found if found("ros_exporter_polls_total") >= wanted else None
-
-        made: Metrics = until(f"{more} polls", true)
-        return made
-
-    def published(self, name: str, at: float) -> float:
-        """How many messages the publisher itself says it had published at that time."""
-        after = until("its next count", lambda: next((line for line in self.log(name) if line["at"] > at), None))
-        before: Mapping[str, Any] = [line for line in self.log(name) if line["at"] <= at][-1]
-        part = (at - before["at"]) / (after["at"] - before["at"])
-        return float(before["count"] + part * (after["count"] - before["count"]))
 
 
 @pytest.fixture
