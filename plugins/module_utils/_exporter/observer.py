@@ -179,13 +179,9 @@ class Poller(threading.Thread):
     def scraped(self) -> None:
         """Somebody took the snapshot now."""
         with self.wake:
-            if self.polled and too_near(self.last, self.due, time.monotonic(), self.interval):
+            if self.snapshot.polls and too_near(self.last, self.due, time.monotonic(), self.interval):
                 self.shifted = True
                 self.wake.notify()
-
-    @property
-    def polled(self) -> bool:
-        return self.snapshot.polls > 0
 
     def healthy(self) -> bool:
         """Whether polls come to an end."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import socket
 import xmlrpc.client
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
@@ -104,8 +104,7 @@ def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
     """Nothing is known of the nodes; what was counted so far stays for when they are back."""
     errors = dict(memory.errors)
     errors[why] += 1
-    kept = History(memory.counted, memory.absent, memory.seen, memory.began, errors, memory.polls + 1)
-    return GraphMetrics(master=False), kept
+    return GraphMetrics(master=False), replace(memory, errors=errors, polls=memory.polls + 1)
 
 
 def next_poll(
