@@ -142,7 +142,7 @@ def start(scene: ExporterScene) -> list[str]:
     scene.start_master()
     found = ["/helper", "/worker"]
     for number in range((APPS - 2) // 2):
-        scene.node("counted", f"/talker_{number}", f"/topic_{number}", str(HERTZ))
+        scene.start("counted", f"/talker_{number}", f"/topic_{number}", str(HERTZ))
         scene.start("listener", f"/listener_{number}", f"/topic_{number}")
         found += [f"/talker_{number}", f"/listener_{number}"]
     scene.start("service", "/helper")

@@ -38,12 +38,12 @@ PAIRS = 7  # publisher and subscriber each; with more subscribers, a service, an
 def start(scene: ExporterScene) -> list[str]:
     """The master and 20 nodes."""
     scene.start_master()
-    scene.node("counted", "/talker_0", "/fast", "500")
+    scene.start("counted", "/talker_0", "/fast", "500")
     scene.start("listener", "/listener_0", "/fast")
     scene.start("listener", "/second", "/fast")
     names = ["/talker_0", "/listener_0", "/second", "/helper", "/worker", "/boss"]
     for number in range(1, PAIRS):
-        scene.node("counted", f"/talker_{number}", f"/topic_{number}", "10")
+        scene.start("counted", f"/talker_{number}", f"/topic_{number}", "10")
         scene.start("listener", f"/listener_{number}", f"/topic_{number}")
         names += [f"/talker_{number}", f"/listener_{number}"]
     scene.start("listener", "/third", "/topic_1")

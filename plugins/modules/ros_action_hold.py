@@ -165,7 +165,7 @@ class Robot:
         self.ros = Ros1Client(params["master_uri"], params["node_timeout"], CALLER)
         self.keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
         self.seconds, self.conditions = params["seconds"], conditions
-        self.ears = Listener(self.ros, conditions.values) if conditions.values else None
+        self.ears = Listener(self.ros, conditions.values).checks if conditions.values else None
 
     def look(self) -> Seen:
         seen = look(self.ros, self.conditions, ears=self.ears)

@@ -179,9 +179,11 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
+from ..module_utils._ros.backend import around, everything
+from ..module_utils._ros.bus_stats import rates as counted
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.counters import sent
-from ..module_utils._ros.graph import Graph, Rate, around, everything, host_of
+from ..module_utils._ros.graph import Graph, Rate, host_of
+from ..module_utils._ros.graph_json import graph_data
 from ..module_utils._ros.roslaunch import children, row
 
 INFO_ARGS = {
@@ -209,7 +211,7 @@ def read(ros: Ros1Client, params: Data) -> Data:
         ros.handshakes(graph, heard.topics) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
-    return {**found.as_dict(params["definitions"]), "launched": launched(ros, graph, params)}
+    return {**graph_data(found, params["definitions"]), "launched": launched(ros, graph, params)}
 
 
 def launched(ros: Ros1Client, graph: Graph, params: Data) -> list[Data]:
@@ -227,7 +229,7 @@ def rates(ros: Ros1Client, heard: Graph, params: Data) -> dict[str, Rate]:
     named = heard.topics if params["rate_topics"] is None else params["rate_topics"]
     wanted, seconds = [name for name in named if name in heard.topics], float(params["rate_seconds"])
     if params["rate_source"] == "counters":
-        return sent(ros, heard, wanted, seconds)
+        return counted(ros, heard, wanted, seconds)
     return ros.rates(heard, dict.fromkeys(wanted, seconds), patient=True)
 
 

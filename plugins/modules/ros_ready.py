@@ -121,6 +121,7 @@ checks:
       observed: {type: std_msgs/String, missing: [/listener_c], connections: 2}
 """
 
+from dataclasses import asdict
 
 from ansible.module_utils.basic import AnsibleModule
 
@@ -129,9 +130,8 @@ from ..module_utils._common.errors import FleetError
 from ..module_utils._common.poll import PASS, Polled, Seen, poll
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS, conditions_from
-from ..module_utils._ros.gate import Look, look
+from ..module_utils._ros.gate import Look, Silence, look
 from ..module_utils._ros.listener import Listener
-from ..module_utils._ros.silence import Silence
 
 
 def result_of(ended: Polled) -> Data:
@@ -144,7 +144,7 @@ def result_of(ended: Polled) -> Data:
         "elapsed": round(ended.elapsed, 3),
         "looks": ended.looks,
         "held": round(ended.held, 3),
-        "checks": [check.as_dict() for check in last.checks],
+        "checks": [asdict(check) for check in last.checks],
     }
 
 
@@ -167,7 +167,7 @@ def main() -> None:
     try:
         conditions = conditions_from(params)
         ros, silence = Ros1Client(params["master_uri"], params["node_timeout"]), Silence()
-        ears = Listener(ros, conditions.values) if conditions.values else None
+        ears = Listener(ros, conditions.values).checks if conditions.values else None
 
         def probe() -> Seen:
             seen = look(ros, conditions, silence, ears)

@@ -99,7 +99,7 @@ from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError, SpecError
 from ..module_utils._ros import registrations
 from ..module_utils._ros.client import ROS_ARGS
-from ..module_utils._ros.graph import Graph
+from ..module_utils._ros.graph_json import graph_from
 from ..module_utils._ros.registrar import Registrar
 from ..module_utils._ros.registrations import Entry, Plan
 
@@ -116,7 +116,7 @@ UNREACHABLE = 5.0
 def plan_present(ros: Registrar, present: dict[str, Entry], graph: Any, nodes: list[str]) -> Plan:
     """What to register again. Only nodes of which something is missing are asked."""
     try:
-        recorded = registrations.from_graph(Graph.from_dict(graph))
+        recorded = registrations.from_graph(graph_from(graph))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SpecError(f"graph: it is not one of ros_graph_info: {error!r}") from error
     wanted = {name: entry for name, entry in recorded.items() if not nodes or name in nodes}

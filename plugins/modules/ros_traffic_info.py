@@ -79,7 +79,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.watcher import Watcher
+from ..module_utils._ros.traffic import Watcher
 
 TRAFFIC_ARGS = {
     "end_file": {"type": "path", "required": True},

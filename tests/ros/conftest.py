@@ -65,6 +65,6 @@ def scene(tmp_path: Path) -> Iterator[object]:
 
 @pytest.fixture
 def run(scene: object, capsys: pytest.CaptureFixture[str]) -> object:
-    from run_module import Run  # noqa: PLC0415 - as above
+    from scene import Run  # noqa: PLC0415 - as above
 
     return Run(scene, capsys)  # type: ignore[arg-type]

@@ -16,8 +16,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from scene import PYTHON, Scene, free_port, until
 
-NODES = Path(__file__).with_name("exporter_nodes.py")
-
 
 class Metrics:
     """One scrape, read by a strict parser."""
@@ -63,10 +61,6 @@ class ExporterScene(Scene):
         )
         until("a scrape", self.scrape)
         return process
-
-    def node(self, kind: str, name: str, *words: str) -> None:
-        path = self.directory / f"{name.strip('/')}.jsonl"
-        self._start(name, PYTHON, str(NODES), kind, name.strip("/"), str(path), *words)
 
     def scrape(self) -> Metrics:
         began, at = time.monotonic(), time.time()

@@ -20,10 +20,24 @@ import actionlib
 import rospy
 import std_msgs.msg
 from actionlib.msg import TestAction, TestGoal, TestResult
+from actionlib_msgs.msg import GoalStatusArray  # begins with a header, as sensors' messages do
+from genpy.message import get_message_class
+from rosgraph_msgs.msg import Log as Stamped
 from rospy.impl.registration import RegManager
+from std_msgs.msg import (
+    Float32,
+    Float64MultiArray,
+    Header,
+    Int32,
+    MultiArrayDimension,
+    MultiArrayLayout,
+    String,
+    UInt64,
+)
 from std_srvs.srv import Trigger
 
 HZ = 500
+NEAR_OVERFLOW = 2**31 - 10_000
 _lock = threading.Lock()
 
 
@@ -218,10 +232,118 @@ def canceller(log: Log, action: str = "/work") -> None:
     log(goal=777, done=done, state=acting.get_state())
 
 
+def hearer(log: Log, topic: str, kind: str = "std_msgs/String") -> None:
+    rospy.Subscriber(topic, get_message_class(kind), lambda _message: None)
+    log(up=True)
+    rospy.spin()
+
+
+# ---- for the exporter
+
+
+def counted(log: Log, topic: str = "/fast", hertz: str = "500") -> None:
+    """Publishes on a grid of time, and writes down how many it has published: what the exporter is measured by."""
+    out = rospy.Publisher(topic, UInt64, queue_size=1000)
+    count, period, began = 0, 1 / float(hertz), time.monotonic()
+
+    def write() -> None:
+        while not rospy.is_shutdown():
+            log(count=count)
+            time.sleep(0.02)
+
+    threading.Thread(target=write, daemon=True).start()
+    while not rospy.is_shutdown():
+        out.publish(count)
+        count += 1
+        time.sleep(max(0.0, began + count * period - time.monotonic()))
+
+
+def loud(log: Log, topic: str = "/loud") -> None:
+    """Its first connection has carried nearly two gigabytes: soon rospy cannot say how many."""
+    out = rospy.Publisher(topic, UInt64, queue_size=10)
+    log(up=True)
+    while not rospy.is_shutdown():
+        for queued in out.impl.connections:
+            connection = queued._connection
+            connection.stat_bytes = max(connection.stat_bytes, NEAR_OVERFLOW)
+        out.publish(1)
+        time.sleep(0.01)
+
+
+def stamped(_log: Log, topic: str = "/stamped") -> None:
+    out = rospy.Publisher(topic, Stamped, queue_size=10)
+    while not rospy.is_shutdown():
+        message = Stamped()
+        message.header.stamp = rospy.Time.from_sec(time.time() - 0.25)
+        out.publish(message)
+        time.sleep(0.02)
+
+
+def points(_log: Log, skip: str = "0") -> None:
+    """A hundred a second; of those numbers that rospy counts up it leaves some out, in one place."""
+    out = rospy.Publisher("/points", GoalStatusArray, queue_size=1000)
+    number = 0
+    while not rospy.is_shutdown():
+        out.publish(GoalStatusArray())
+        number += 1
+        if number == 200:
+            out.impl.seq += int(skip)
+        time.sleep(0.01)
+
+
+# ---- for graphs
+
+
+def chatter(_log: Log, hertz: str) -> None:
+    out = rospy.Publisher("/chatter", String, queue_size=1000)
+    own = rospy.Publisher("~debug", Int32, queue_size=1000)
+    latched = rospy.Publisher("/config", String, queue_size=1, latch=True)
+    latched.publish("once")
+    rospy.Service("/trigger", Trigger, lambda _: (True, "done"))
+    began, number = time.monotonic(), 0
+    while not rospy.is_shutdown():
+        out.publish("hello")
+        own.publish(number)
+        number += 1
+        time.sleep(max(0.0, began + number / float(hertz) - time.monotonic()))
+
+
+def robot(_log: Log, speed: str) -> None:
+    """Its battery, latched, and its speed, in a message with others in it; and a header, which changes all the time."""
+    battery = rospy.Publisher("/battery", Float32, queue_size=1, latch=True)
+    battery.publish(0.75)
+    out = rospy.Publisher("/speed", Float64MultiArray, queue_size=10)
+    head = rospy.Publisher("/alive", Header, queue_size=10)
+    dimension = MultiArrayDimension(label="m/s", size=2, stride=2)
+    while not rospy.is_shutdown():
+        out.publish(MultiArrayLayout(dim=[dimension]), [0.0, float(speed)])
+        head.publish(Header(stamp=rospy.Time.now(), frame_id="base"))
+        time.sleep(0.05)
+
+
+class Woken(rospy.SubscribeListener):
+    """Says so on a topic of its own when somebody subscribes, as a camera begins to encode then."""
+
+    def __init__(self) -> None:
+        self.told = rospy.Publisher("/woken", String, queue_size=1, latch=True)
+
+    def peer_subscribe(self, _topic: str, _publish: object, _peer_publish: object) -> None:
+        self.told.publish("by somebody")
+
+
+def camera(log: Log) -> None:
+    """A lazy publisher beside one that somebody listens to."""
+    rospy.Publisher("/image/compressed", String, subscriber_listener=Woken(), queue_size=1)
+    chatter(log, "20")
+
+
 KINDS: dict[str, Callable[..., None]] = {
     function.__name__: function
-    for function in (talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller)
-}
+    for function in (
+        talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller, hearer,
+        counted, loud, stamped, points, chatter, robot, camera,
+    )
+}  # fmt: skip
 
 if __name__ == "__main__":
     kind, name, path, *words = sys.argv[1:]

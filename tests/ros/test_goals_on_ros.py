@@ -15,8 +15,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ro
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
-from run_module import Run
-from scene import LOST, RECALLED, SUCCEEDED, Scene, until
+from scene import LOST, RECALLED, SUCCEEDED, Run, Scene, until
 
 HANDOVERS = int(os.environ.get("ROSOPS_HANDOVERS", "8"))
 ACTION, SERVER = "/work", "/worker"
@@ -152,21 +151,6 @@ def test_several_clients(scene: Scene) -> None:
     judge(server, end_clients(scene, "a", "b", "c", *(f"late_{turn}" for turn in range(HANDOVERS // 4))))
 
 
-def test_a_client_that_starts_during_the_hold(scene: Scene) -> None:
-    # no SimpleActionServer: of two clients that fight for one, now and then one hears of its goal never again,
-    # also where nothing is ever held
-    server = begin(scene, "pool", boss=("1000", "20"))
-    server.hold()
-    server.stop()
-    scene.start("client", "/late", ACTION, "5000", "0", "20")
-    until("the newcomer", lambda: "/late" in scene.registered())
-    server.hold()  # called once more, as by a second stop hook
-    server.start()
-    let_go(scene)
-    until("its goals", lambda: len(goals(scene, "late")) > 5)
-    judge(server, end_clients(scene, "boss", "late"))
-
-
 def test_a_goal_that_is_cancelled_while_it_is_held(scene: Scene) -> None:
     server = begin(scene)
     scene.start("canceller", "/canceller", ACTION)
@@ -182,31 +166,6 @@ def test_a_goal_that_is_cancelled_while_it_is_held(scene: Scene) -> None:
     assert (answer["done"], answer["state"] in (RECALLED, LOST)) == (True, True)
     let_go(scene)
     assert not [line for line in server.executed() if "start" in line]
-
-
-def test_no_new_server_then_one_after_all(scene: Scene) -> None:
-    server = begin(scene, boss=("1000", "20"))
-    server.hold(2)
-    server.stop()
-    until("the goal to be held", lambda: held(scene)[ACTION]["held"])
-    until("a word about it", lambda: "no new server yet" in scene.said(), 10)
-    server.start()
-    let_go(scene)
-    judge(server, end_clients(scene, "boss"))
-
-
-def test_the_server_stays(scene: Scene) -> None:
-    """The stop was called off: what was held goes to the server that was there all along."""
-    server = begin(scene, boss=("1000", "20"))
-    server.hold()
-    server.until_idle()
-    until("the goal to be held", lambda: held(scene)[ACTION]["held"])
-    good, _message, forwarded = scene.keeper_api.release(ACTION)  # type: ignore[misc]
-    assert (good, forwarded >= 1) == (1, True)
-    let_go(scene)
-    done = len(goals(scene, "boss"))
-    until("more goals", lambda: len(goals(scene, "boss")) > done + 10)
-    judge(server, end_clients(scene, "boss"))
 
 
 def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene, run: Run) -> None:
@@ -225,47 +184,19 @@ def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene, run: Run)
     judge(server, end_clients(scene, "boss"))
 
 
-def test_a_step_that_dies_after_its_hold(scene: Scene, run: Run) -> None:
-    """Nobody replaces the server: the keeper lets go by itself, to the old one."""
+def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene, run: Run) -> None:
+    """Nobody replaces the server: the keeper lets go when it is told to, or by itself, to the old one."""
     server = begin(scene, boss=("1000", "100", "900"))
+    run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
+    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
+    let_go(scene)
+    assert not run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
     assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, seconds=3, timeout=20)["held"] == [ACTION]
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     let_go(scene)
     done = len(goals(scene, "boss"))
     until("more goals", lambda: len(goals(scene, "boss")) > done + 5)
     judge(server, end_clients(scene, "boss"))
-
-
-def test_a_step_lets_go_when_it_is_called_off(scene: Scene, run: Run) -> None:
-    server = begin(scene, boss=("1000", "100", "900"))
-    run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
-    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
-    let_go(scene)
-    assert not run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
-    judge(server, end_clients(scene, "boss"))
-
-
-def test_switched_off_a_step_waits_until_the_server_is_idle_and_says_so(scene: Scene, run: Run) -> None:
-    scene.start_master()
-    scene.start_keeper("--goal-forwarding", "off")
-    server = Server(scene)
-    until("the server", lambda: SERVER in scene.registered())
-    scene.start("client", "/boss", ACTION, "1000", "1", "1500")
-    until("a goal", lambda: any("start" in line for line in server.executed()))
-    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
-    assert (result["verdict"], result["held"], result["changed"]) == ("pass", [], False)
-    assert "goal forwarding is switched off" in result["reason"]
-    assert any("end" in line for line in server.executed())
-    assert held(scene) == {}
-
-
-def test_a_busy_server_is_not_held(scene: Scene, run: Run) -> None:
-    server = begin(scene)
-    scene.start("client", "/slow", ACTION, "9000", "0", "8000")
-    until("a long goal", server.executed)
-    until("its start", lambda: "start" in server.executed()[-1])
-    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=0)
-    assert (result["verdict"], result["held"], held(scene)) == ("wait", [], {})
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])

@@ -112,14 +112,6 @@ def test_keeper_and_master_replaced_one_after_the_other(scene: Scene) -> None:
     assert scene.ros.calls([("getParam", "/tester", name) for name in names]) == [*values.values(), 0.25, 4]
 
 
-def test_a_keeper_without_a_master_is_not_ready(scene: Scene) -> None:
-    scene.start_keeper()
-    until("the keeper to see that", lambda: "the master is away" in scene.said())
-    assert not scene.keeper_ready()
-    scene.start_master()
-    until("the keeper to be ready", scene.keeper_ready)
-
-
 def test_goals_on_a_new_node_are_seen_before_it_is_taken_back(scene: Scene) -> None:
     """As the keeper's watch over steps looks at them, on a real action server."""
     scene.start_master()

@@ -1,9 +1,10 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two versions of a launch file at once, with real roslaunch and rospy: names, parameters, what is held back."""
+"""Launch files with real roslaunch and rospy: two versions at once, and what is said of processes that crash."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import xmlrpc.client
@@ -12,9 +13,11 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import launch as launcher
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import children, crash
-from scene import NODES, PYTHON, Scene, until
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child, children, crash
+from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
+from scene import NODES, PYTHON, Run, Scene, until
 
 pytestmark = pytest.mark.skipif(not shutil.which("roslaunch"), reason="no roslaunch here: Debian's python3-roslaunch")
 
@@ -32,6 +35,15 @@ ENDS = """<launch>
   <node pkg="made" type="listens" name="lives"/>
   <node pkg="made" type="ends" name="three" args="3"/>
   <node pkg="made" type="ends" name="zero" args="0"/>
+</launch>
+"""
+CRASHES = """<launch>
+  <group ns="arm"><node pkg="made" type="ends" name="three" args="3"/></group>
+  <node pkg="made" type="ends" name="zero" args="0"/>
+  <node pkg="made" type="ends" name="again" args="4" respawn="true"/>
+  <node pkg="made" type="ends" name="waits" args="5" respawn="true" respawn_delay="1000"/>
+  <node pkg="made" type="listens" name="lives" required="true"/>
+  <node pkg="made" type="listens" name="killed"/>
 </launch>
 """
 REQUIRED = """<launch><node pkg="made" type="ends" name="needed" args="7" required="true"/></launch>"""
@@ -62,6 +74,7 @@ def made(scene: Scene) -> None:
         "package.xml": PACKAGE,
         "two.launch": LAUNCH,
         "ends.launch": ENDS,
+        "crashes.launch": CRASHES,
         "required.launch": REQUIRED,
         "missing.launch": MISSING,
         "deaf.launch": DEAF,
@@ -178,3 +191,51 @@ def test_a_deaf_node_costs_seconds(scene: Scene) -> None:
     until("the node", lambda: [child.alive for child in children(Ros1Client(scene.uri, 5.0))] == [True])
     assert end(scene, ONE) == 0
     assert "escalating to SIGKILL" in scene.said(ONE)
+
+
+def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> None:
+    scene.environment["HUSH"] = "a secret"
+    path = f"{scene.environment['ROS_PACKAGE_PATH']}/crashes.launch"
+    scene._start("roslaunch", shutil.which("roslaunch") or "", "--wait", path)
+    ros = Ros1Client(scene.uri, 5.0)
+
+    def found() -> dict[str, Child]:
+        return {child.node: child for child in children(ros, {"127.0.0.1"})}
+
+    def ended() -> bool:
+        now = found()
+        # for a tenth of a second it does say how they have ended
+        forgotten = all(now[name].unexplained for name in ("/arm/three", "/zero"))
+        return forgotten and not now["/waits"].alive and now["/again"].spawned > 2
+
+    until("their ends", ended)
+    until("the nodes", lambda: {"/lives", "/killed"} <= set(scene.registered()))
+    graph = ros.ask(state := ros.state(), everything(state))
+    pid = graph.node("/killed").pid
+    assert pid is not None
+    now = found()
+    assert crash(now.pop("/again")).startswith("was started again ")
+    assert {name: crash(child, graph) for name, child in now.items()} == {
+        "/arm/three": "",  # it may have done its work, as the next one has
+        "/zero": "",
+        "/waits": "ended with exit code 5",
+        "/lives": "",
+        "/killed": "",
+    }
+    os.kill(pid, signal.SIGKILL)
+    until("its end", lambda: found()["/killed"].unexplained)
+
+    now, graph = found(), ros.ask(state, everything(state))
+    assert crash(now["/killed"], graph) == "died, as its registration is still there"
+    assert [name for name in sorted(now) if now[name].unexplained] == ["/arm/three", "/killed", "/zero"]
+    assert [(now[name].respawn, now[name].required, now[name].alive) for name in ("/lives", "/waits")] == [
+        (False, True, True),
+        (True, False, False),
+    ]
+    assert "secret" not in repr(now)
+
+    launched = {row["node"]: row for row in run(ros_graph_info)["graph"]["launched"]}
+    assert set(launched) == set(now)
+    assert launched["/killed"]["crash"] == "died, as its registration is still there"
+    assert launched["/waits"]["exit_code"] == 5
+    assert children(ros, {"10.42.0.7"}) == []

@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen, poll
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read
-from scene import PYTHON, Scene, until
+from scene import Scene, until
 
 RELAY = Path("/usr/lib/topic_tools/relay")
-NODES = Path(__file__).with_name("graph_nodes.py")
 LONG = 5.0  # seconds in which a node that is kept waiting for half a second does not change its rate by a fifth
 STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"  # of std_msgs/String, whoever computes it
 
@@ -31,9 +31,6 @@ class GraphScene(Scene):
     def __init__(self, directory: Path) -> None:
         super().__init__(directory)
         self.client = Ros1Client(self.uri, 3.0)
-
-    def node(self, kind: str, name: str, *more: str) -> None:
-        self._start(f"/{name}", PYTHON, str(NODES), kind, name, *more)
 
     def relay(self, name: str, topic: str, to: str) -> None:
         """A roscpp node."""
@@ -62,7 +59,7 @@ class GraphScene(Scene):
 
     def wait(self, wanted: dict[str, Any], timeout: float = 20, stable: float = 0.0) -> Look:
         asked = conditions_from(wanted)
-        ears = Listener(self.client, asked.values)
+        ears = Listener(self.client, asked.values).checks
 
         def probe() -> Seen:
             seen = look(self.client, asked, ears=ears)
@@ -87,11 +84,11 @@ def edge(publisher: str, topic: str, subscriber: str, **more: str) -> dict[str, 
 
 
 def start(scene: GraphScene) -> None:
-    scene.node("talker", "talker_old", "100")
-    scene.node("talker", "other", "40")
-    scene.node("listener", "listener")
-    scene.node("listener", "rostopic_123_1700000000000")
-    scene.node("server", "worker")
+    scene.start("chatter", "/talker_old", "100")
+    scene.start("chatter", "/other", "40")
+    scene.start("hearer", "/listener", "/chatter")
+    scene.start("hearer", "/rostopic_123_1700000000000", "/chatter")
+    scene.start("server", "/worker")
     scene.relay("relay", "/chatter", "/relayed")
     heard = [edge(name, "/chatter", to) for name in ("/talker_old", "/other") for to in ("/listener", "/relay")]
     up = scene.wait({"edges": heard, "actions": [{"name": "/work"}], "services": [{"name": "/trigger"}]}, 60)
@@ -109,15 +106,15 @@ def test_an_update_of_a_publisher(scene: GraphScene) -> None:
     only = scene.read(rates=True, rate_topics=["/relayed"], rate_seconds=0.5)["topics"]
     assert [name for name, topic in only.items() if topic["rate"] is not None] == ["/relayed"]
 
-    contract = record(Graph.from_dict(graph), ["/talker_old"], {"/talker_old": "/talker_new"})
+    contract = record(graph_from(graph), ["/talker_old"], {"/talker_old": "/talker_new"})
     assert contract.edges == (("/talker_new", "/chatter", "/listener"), ("/talker_new", "/chatter", "/relay"))
     assert set(contract.topics) == {"/chatter", "/config", "/talker_new/debug"}
     assert contract.topics["/config"].first.rate is None
     assert set(contract.services) <= {"/trigger"}
 
     # the new one at half the rate, beside the other: the sum would hide it
-    wanted = conditions(contract, absent=["/talker_old"])
-    scene.node("talker", "talker_new", "50")
+    wanted = {**conditions(contract), "absent": ["/talker_old"]}
+    scene.start("chatter", "/talker_new", "50")
     scene.stop("/talker_old")
     assert (
         scene.wait({"edges": [edge("/talker_new", "/chatter", to) for to in ("/listener", "/relay")]}, 60).unmet == []
@@ -125,7 +122,7 @@ def test_an_update_of_a_publisher(scene: GraphScene) -> None:
     slow = scene.wait(wanted, 4)
     assert {(check.kind, check.name) for check in slow.unmet} == {("rate", "/chatter"), ("rate", "/talker_new/debug")}
     scene.stop("/talker_new")
-    scene.node("talker", "talker_new", "100")
+    scene.start("chatter", "/talker_new", "100")
     assert scene.wait(wanted, 60, stable=2).unmet == []
 
     # a peer that was killed is not the update's fault; asked for without that leave, it is missing
@@ -154,8 +151,8 @@ def test_rates_by_counters_of_both_libraries(scene: GraphScene) -> None:
 
 
 def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphScene) -> None:
-    scene.node("camera", "camera")
-    scene.node("listener", "listener")
+    scene.start("camera", "/camera")
+    scene.start("hearer", "/listener", "/chatter")
     assert scene.wait({"edges": [edge("/camera", "/chatter", "/listener")]}, 60).unmet == []
 
     def woken() -> bool:
@@ -174,9 +171,9 @@ def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphSce
 
 
 def test_persistent_service_connections_are_told_from_calls_and_from_topics(scene: GraphScene) -> None:
-    scene.node("talker", "adder", "20")
+    scene.start("chatter", "/adder", "20")
     for number in range(3):  # topic connections at the very port that serves the service
-        scene.node("listener", f"listener_{number}")
+        scene.start("hearer", f"/listener_{number}", "/chatter")
     heard = [edge("/adder", "/chatter", f"/listener_{number}") for number in range(3)]
     assert scene.wait({"edges": heard, "services": [{"name": "/trigger"}]}, 60).unmet == []
 
@@ -184,10 +181,10 @@ def test_persistent_service_connections_are_told_from_calls_and_from_topics(scen
         return scene.read(service_connections=True)["services"]["/trigger"]["connections"]
 
     assert seen() == 0
-    scene.node("plain", "plain_caller")
+    scene.start("caller", "/plain_caller")
     until("the caller", lambda: "/plain_caller" in scene.read()["nodes"])
     assert [seen() for _look in range(3)] == [0, 0, 0]  # it calls all the time
-    scene.node("persistent", "persistent_caller")
+    scene.start("caller", "/persistent_caller", "/trigger", "persistent")
     until("its connection", lambda: seen() == 1)
     scene.stop("/persistent_caller", kill=True)
     until("its end", lambda: seen() == 0)
@@ -195,7 +192,7 @@ def test_persistent_service_connections_are_told_from_calls_and_from_topics(scen
 
 
 def test_what_messages_say_by_nodes_that_are_not_told_of_us(scene: GraphScene) -> None:
-    scene.node("robot", "robot", "0.5")
+    scene.start("robot", "/robot", "0.5")
     scene.relay("relay", "/speed", "/relayed")  # a roscpp publisher
     values = [
         {"topic": "/battery", "field": "data", "above": 0.4},
@@ -214,6 +211,6 @@ def test_what_messages_say_by_nodes_that_are_not_told_of_us(scene: GraphScene) -
     assert (fails.verdict, len(fails.unmet)) == ("fail", 1)
 
     scene.stop("/robot")
-    scene.node("robot", "robot", "0.0")
+    scene.start("robot", "/robot", "0.0")
     quiet = {"topic": "/alive", "field": "frame_id", "quiet": 1.0}  # stamps are no movement
     assert scene.wait({"values": [*still, quiet]}, 60).unmet == []

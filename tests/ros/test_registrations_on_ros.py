@@ -7,8 +7,7 @@ from __future__ import annotations
 import signal
 
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info, ros_registrations
-from run_module import Run
-from scene import Scene, until
+from scene import Run, Scene, until
 
 
 def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:
@@ -60,37 +59,3 @@ def test_present_gives_a_service_back_to_the_provider_that_survived(scene: Scene
     count = len(scene.log("/caller"))
     until("more answers", lambda: len(scene.log("/caller")) > count + 20)
     assert {(line["ok"], line.get("answer")) for line in scene.log("/caller")} == {(True, "/old")}
-
-
-def test_present_leaves_a_name_to_its_newer_process(scene: Scene, run: Run) -> None:
-    scene.start_master()
-    scene.start("service", "/adder")
-    until("the service", lambda: scene.registered()["/adder"].services.get("/trigger"))
-    graph = run(ros_graph_info)["graph"]
-    scene.kill("/adder")
-    scene.start("service", "/adder")
-    uri = graph["nodes"]["/adder"]["uri"]
-    until("the newer one", lambda: scene.registered()["/adder"].uri != uri)
-    now = until("its service", lambda: len(scene.registered()["/adder"].services) == 3 and scene.registered())
-    done = run(ros_registrations, graph=graph)
-    assert (done["changed"], len(done["skipped"])) == (False, 1)
-    assert scene.registered() == now
-
-
-def test_absent_removes_the_dead_only(scene: Scene, run: Run) -> None:
-    scene.start_master()
-    for name in ("/alive", "/dead", "/hanging"):
-        scene.start("listener", name)
-    until("three nodes", lambda: len(scene.registered()) == 3)
-    until("their services", lambda: all(len(entry.services) == 2 for entry in scene.registered().values()))
-    scene.kill("/dead")
-    scene.kill("/hanging", signal.SIGSTOP)
-    predicted = run(ros_registrations, state="absent", _ansible_check_mode=True)
-    assert "/dead" in scene.registered()
-    done = run(ros_registrations, state="absent", nodes=["/dead", "/hanging", "/alive"])
-    assert done["removed"] == predicted["removed"]
-    assert {entry["node"] for entry in done["removed"]} == {"/dead"}
-    assert [entry["node"] for entry in done["skipped"]] == ["/alive", "/hanging"]
-    assert set(scene.registered()) == {"/alive", "/hanging"}
-    again = run(ros_registrations, state="absent")
-    assert (again["changed"], [entry["node"] for entry in again["skipped"]]) == (False, ["/hanging"])

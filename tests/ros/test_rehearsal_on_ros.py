@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.watcher import Watcher
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Watcher
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import (
     KIND,
@@ -26,7 +26,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording 
 from scene import PYTHON, Scene, until
 
 RELAY = Path("/usr/lib/topic_tools/relay")
-NODES = Path(__file__).with_name("graph_nodes.py")
 ALL = ("/hearer", "/listener", "/robot", "/talker", "/worker")
 EDGES = (("/chatter", "/talker", "/listener"), ("/work/status", "/worker", "/hearer"))
 HZ = 100.0
@@ -42,14 +41,11 @@ Nodes = dict[str, Node]
 class Stage(Scene):
     """A master on which nodes or their stand-ins play."""
 
-    def node(self, kind: str, *more: str) -> None:
-        self._start(f"/{kind}", PYTHON, str(NODES), kind, kind if kind != "server" else "worker", *more)
-
     def nodes(self) -> None:
-        self.node("talker", str(HZ))
-        self.node("listener")
-        self.node("server")
-        self.node("robot", "0.5")
+        self.start("chatter", "/talker", str(HZ))
+        self.start("hearer", "/listener", "/chatter")
+        self.start("server", "/worker")
+        self.start("robot", "/robot", "0.5")
         self._start("/hearer", str(RELAY), "/work/status", "/heard", "__name:=hearer")
 
     def play(self, recorded: Nodes, *names: str) -> None:
@@ -138,7 +134,7 @@ def test_stand_ins_among_real_nodes(real: Nodes, scene: Stage) -> None:
     scene.start("docked", "/reader", "/config")
     said = until("a latched message", lambda: [line for line in scene.log("/reader") if "heard" in line])
     assert [(line["heard"], line["by"]) for line in said] == [("", "/talker")]
-    scene.node("server")
+    scene.start("server", "/worker")
     watcher = Watcher(Ros1Client(scene.uri, 3.0))
 
     def heard() -> Any:

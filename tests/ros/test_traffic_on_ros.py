@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.watcher import Watcher
-from scene import PYTHON, Scene, until
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Watcher
+from scene import Scene, until
 
-NODES = Path(__file__).with_name("traffic_nodes.py")
 OLD, NEW = "/source_00000001", "/source_00000002"
 
 
@@ -22,9 +21,6 @@ class TrafficScene(Scene):
     def __init__(self, directory: Path) -> None:
         super().__init__(directory)
         self.watcher = Watcher(Ros1Client(self.uri, 3.0))
-
-    def node(self, kind: str, name: str) -> None:
-        self._start(name, PYTHON, str(NODES), kind, f"__name:={name.strip('/')}")
 
     def stop(self, name: str) -> None:
         process = self.processes.pop(name)
@@ -49,15 +45,15 @@ class TrafficScene(Scene):
 def scene(tmp_path: Path) -> Iterator[TrafficScene]:
     made = TrafficScene(tmp_path)
     made.start_master()
-    made.node("sink", "/sink_0000000a")
-    made.node("source", OLD)
+    made.start("hearer", "/sink_0000000a", "/points", "actionlib_msgs/GoalStatusArray")
+    made.start("points", OLD)
     made.look_until("messages of the old source", lambda: made.streams() and made.streams()[0] > 20)
     yield made
     made.end()
 
 
 def test_a_source_that_is_replaced_while_it_still_sends(scene: TrafficScene) -> None:
-    scene.node("source", NEW)
+    scene.start("points", NEW)
     scene.look_until("messages of both", lambda: len([one for one in scene.streams() if one > 20]) == 2)
     until("the new one has its listener", lambda: NEW in scene.connected())
     scene.stop(OLD)
@@ -72,7 +68,7 @@ def test_a_source_that_ends_before_the_next_one_begins(scene: TrafficScene) -> N
     scene.stop(OLD)
     scene.look_until("a look at nobody", lambda: scene.connected() == set())
     scene.watcher.look()
-    scene.node("source", NEW)
+    scene.start("points", NEW)
     scene.look_until("messages of the new one", lambda: scene.streams()[-1] > 20 and len(scene.streams()) > 1)
     result = scene.watcher.result([])
     assert len(result["problems"]) == 1, result
@@ -82,7 +78,7 @@ def test_a_source_that_ends_before_the_next_one_begins(scene: TrafficScene) -> N
 
 
 def test_numbers_that_are_left_out(scene: TrafficScene) -> None:
-    scene.node("skipping", "/skipping")
+    scene.start("points", "/skipping", "3")
     scene.look_until("more messages than before they are left out", lambda: max(scene.streams()[1:], default=0) > 250)
     result = scene.watcher.result([])
     assert len(result["problems"]) == 1, result

@@ -29,7 +29,6 @@ FILES = (
     "module_utils/_ros/checks.py",
     "module_utils/_ros/contract.py",
     "module_utils/_ros/conditions.py",
-    "module_utils/_ros/heard.py",
     "module_utils/_ros/messages.py",
     "module_utils/_step/record.py",
     "plugin_utils/_kube/verdicts.py",

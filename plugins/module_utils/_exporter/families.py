@@ -1,25 +1,52 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A snapshot -> metric families with their samples. Pure."""
+"""A snapshot -> metric families with their samples, how many of these may be, and their text. Pure.
+
+Names come from whoever reaches the master. Each one that never comes again (rostopic's, rviz's, with a process id and
+a time in it) would leave its series in the database for good, and a node with thousands of topics fill it.
+
+The text is OpenMetrics', which Prometheus, vmagent and the OpenTelemetry collector read:
+https://prometheus.io/docs/specs/om/open_metrics_spec/.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from typing import Any, Iterable, Mapping, NamedTuple, Sequence, Tuple
 
+from .._ros.names import ANONYMOUS
 from .snapshot import REASONS, GraphMetrics, Snapshot
 
 GAUGE, COUNTER = "gauge", "counter"
+TOTAL = "_total"  # ends the name of a counter and of its samples, and is no part of its family's in the text
+CONTENT_TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
+MOST = 20_000  # samples of a scrape
+LEFT_OUT = "ros_exporter_series_left_out"
+NAMES = frozenset({"node", "topic", "service", "action", "publisher", "subscriber"})  # labels with names of the graph
+# of several nodes that share a name; other numbers are added up
+SMALLEST = ("ros_node_up", "ros_service_up", "ros_launch_process_up")
+
+_ANONYMOUS = re.compile(ANONYMOUS + r"(?=/|\Z)")
+
 Sample = Tuple[Mapping[str, str], float]
 
 
 class Family(NamedTuple):
-    """A metric by its name as it is queried; a counter's ends in _total."""
+    """A metric by its name as it is queried."""
 
     name: str
     kind: str
     help: str
     samples: Sequence[Sample]
+
+
+def family(name: str, about: str, labels: str, numbers: Mapping[Any, float]) -> Family:
+    """Of numbers, whose keys have one word for each of the labels."""
+    names, kind = labels.split(), COUNTER if name.endswith(TOTAL) else GAUGE
+    rows = ((key if isinstance(key, tuple) else (key,), number) for key, number in sorted(numbers.items()))
+    return Family(name, kind, about, [(dict(zip(names, key)), float(number)) for key, number in rows])
 
 
 def families(snapshot: Snapshot) -> list[Family]:
@@ -29,59 +56,28 @@ def families(snapshot: Snapshot) -> list[Family]:
 
 def _ros(ros: GraphMetrics) -> list[Family]:
     """The graph's metrics."""
-    master: list[Sample] = [] if ros.master is None else [({}, float(ros.master))]
-    flows = [(node, flow, count) for node, counts in ros.counts.items() for flow, count in counts.items()]
-    messages = "Messages of a topic by the node's own count: published (each once, however many subscribe) or received"
+    flows = {(topic, node, way): count for node, of in ros.counts.items() for (topic, way), count in of.items()}
+    messages = {key: count.messages for key, count in flows.items()}
+    counted = "Messages of a topic by the node's own count: published (each once, however many subscribe) or received"
+    sent = {key: count.bytes for key, count in flows.items()}
     goals = {(action, state): number for action, states in ros.goals.items() for state, number in states.items()}
     alive = {name: child.alive for name, child in ros.launched.items()}
     starts = {name: child.spawned for name, child in ros.launched.items()}
     there = "Whether a process that a launch file started is there; one that has done its work is not"
     started = "How many times a launch file's process was started by its roslaunch"
+    flow, linked = "topic node direction", "Open connections of a topic by the node's word"
     return [
-        Family("ros_master_up", GAUGE, "Whether the ROS master answers", master),
-        Family("ros_node_up", GAUGE, "Whether a registered node answers at its address", _by("node", ros.nodes)),
-        Family(
-            "ros_topic_messages_total",
-            COUNTER,
-            messages,
-            [(_flow(node, *flow), float(count.messages)) for node, flow, count in flows],
-        ),
-        Family(
-            "ros_topic_bytes_total",
-            COUNTER,
-            "Bytes of a topic on all connections of the node",
-            [(_flow(node, *flow), float(count.bytes)) for node, flow, count in flows],
-        ),
-        Family("ros_topic_publishers", GAUGE, "Registered publishers", _by("topic", ros.publishers)),
-        Family("ros_topic_subscribers", GAUGE, "Registered subscribers", _by("topic", ros.subscribers)),
-        Family(
-            "ros_topic_connections",
-            GAUGE,
-            "Open connections of a topic by the node's word",
-            _by("topic node direction", ros.connections),
-        ),
-        Family(
-            "ros_service_up",
-            GAUGE,
-            "Whether a service answers the handshake of a client",
-            _by("service node", ros.services),
-        ),
-        Family("ros_action_goals", GAUGE, "Goals in an action's status by state", _by("action state", goals)),
-        Family("ros_launch_process_up", GAUGE, there, _by("node", alive)),
-        Family("ros_launch_process_starts_total", COUNTER, started, _by("node", starts)),
-    ]
-
-
-def _flow(node: str, topic: str, direction: str) -> dict[str, str]:
-    return {"topic": topic, "node": node, "direction": direction}
-
-
-def _by(labels: str, numbers: Mapping[Any, float]) -> list[Sample]:
-    """A sample for each; a key has one word for each of the labels."""
-    names = labels.split()
-    return [
-        (dict(zip(names, key if isinstance(key, tuple) else (key,))), float(number))
-        for key, number in sorted(numbers.items())
+        family("ros_master_up", "Whether the ROS master answers", "", {} if ros.master is None else {(): ros.master}),
+        family("ros_node_up", "Whether a registered node answers at its address", "node", ros.nodes),
+        family("ros_topic_messages_total", counted, flow, messages),
+        family("ros_topic_bytes_total", "Bytes of a topic on all connections of the node", flow, sent),
+        family("ros_topic_publishers", "Registered publishers", "topic", ros.publishers),
+        family("ros_topic_subscribers", "Registered subscribers", "topic", ros.subscribers),
+        family("ros_topic_connections", linked, flow, ros.connections),
+        family("ros_service_up", "Whether a service answers the handshake of a client", "service node", ros.services),
+        family("ros_action_goals", "Goals in an action's status by state", "action state", goals),
+        family("ros_launch_process_up", there, "node", alive),
+        family("ros_launch_process_starts_total", started, "node", starts),
     ]
 
 
@@ -89,38 +85,121 @@ def _own(snapshot: Snapshot) -> list[Family]:
     """The exporter's metrics of itself."""
     errors = {why: snapshot.errors.get(why, 0) for why in REASONS}
     asked = "Questions to the master or a node that got no usable answer"
-    took: list[Sample] = [({}, snapshot.duration)] if snapshot.polls else []
-    began: list[Sample] = [({}, snapshot.at)] if snapshot.polls else []
+    took, began = ({(): number} if snapshot.polls else {} for number in (snapshot.duration, snapshot.at))
     return [
-        Family("ros_exporter_scrape_errors_total", COUNTER, asked, _by("reason", errors)),
-        Family("ros_exporter_polls_total", COUNTER, "Looks at the graph", [({}, float(snapshot.polls))]),
-        Family("ros_exporter_poll_duration_seconds", GAUGE, "How long the last look took", took),
-        Family("ros_exporter_last_poll_timestamp_seconds", GAUGE, "When the last look began", began),
+        family("ros_exporter_scrape_errors_total", asked, "reason", errors),
+        family("ros_exporter_polls_total", "Looks at the graph", "", {(): snapshot.polls}),
+        family("ros_exporter_poll_duration_seconds", "How long the last look took", "", took),
+        family("ros_exporter_last_poll_timestamp_seconds", "When the last look began", "", began),
     ]
 
 
 def claim_families(used: Mapping[str, int], capacity: Mapping[str, int]) -> list[Family]:
     """Persistent claims: what their directories hold, and what they were made for."""
+    asked = {name: capacity[name] for name in used if name in capacity}
+    sized = "Size that a claim asks for; nothing enforces it on a node's disk"
     return [
-        Family("rosops_claim_used_bytes", GAUGE, "Bytes on disk in a claim's directory", _by("claim", used)),
-        Family(
-            "rosops_claim_capacity_bytes",
-            GAUGE,
-            "Size that a claim asks for; nothing enforces it on a node's disk",
-            _by("claim", {name: capacity[name] for name in used if name in capacity}),
-        ),
+        family("rosops_claim_used_bytes", "Bytes on disk in a claim's directory", "claim", used),
+        family("rosops_claim_capacity_bytes", sized, "claim", asked),
     ]
 
 
 def statistics_families(rows: Iterable[tuple[tuple[str, str, str], float, int]]) -> list[Family]:
     """Latency and drops by (topic, publisher, subscriber)."""
-    found = list(rows)
+    found, ends = list(rows), "topic publisher subscriber"
     aged = "Mean age of messages by their stamp when they came in, by the subscriber's word"
-    ages = _by("topic publisher subscriber", {key: age for key, age, _lost in found})
-    lost = _by("topic publisher subscriber", {key: lost for key, _age, lost in found})
+    missed, lost = "Messages that the subscriber missed, by its own word", {key: lost for key, _age, lost in found}
     return [
-        Family("ros_topic_latency_seconds", GAUGE, aged, ages),
-        Family(
-            "ros_topic_dropped_messages_total", COUNTER, "Messages that the subscriber missed, by its own word", lost
-        ),
+        family("ros_topic_latency_seconds", aged, ends, {key: age for key, age, _lost in found}),
+        family("ros_topic_dropped_messages_total", missed, ends, lost),
     ]
+
+
+# ---- how many
+
+
+def bounded(families: Iterable[Family], most: int = MOST) -> list[Family]:
+    """The families with anonymous nodes under one name, and no more than so many samples; how many are left out.
+
+    Where there are too many, the largest families are cut: the same samples as long as the graph stays as it is.
+    """
+    folded = [_folded(one) for one in families]
+    sizes = [len(one.samples) for one in folded]
+    room = _room(sizes, most)
+    kept = [one if len(one.samples) <= room else _cut(one, room) for one in folded]
+    left_out = sum(max(0, size - room) for size in sizes)
+    about = "Samples left out because there are more than the exporter shows"
+    return [*kept, family(LEFT_OUT, about, "", {(): left_out})]
+
+
+def stable(name: str) -> str:
+    """A name without what makes it another one in each process.
+
+    >>> stable("/rostopic_4711_1700000000000/debug")
+    '/rostopic_*/debug'
+    """
+    return _ANONYMOUS.sub("_*", name)
+
+
+def _folded(whole: Family) -> Family:
+    """Series of anonymous nodes as one; none of a counter, which begins anew with each of them."""
+    plain: list[Sample] = []
+    shared: dict[tuple[tuple[str, str], ...], list[float]] = {}
+    for labels, value in whole.samples:
+        found = {key: stable(word) if key in NAMES else word for key, word in labels.items()}
+        if found == labels:
+            plain.append((labels, value))
+        elif whole.kind != COUNTER:
+            shared.setdefault(tuple(found.items()), []).append(value)
+    if len(plain) == len(whole.samples):
+        return whole
+    merge = min if whole.name in SMALLEST else sum
+    together = ((dict(labels), float(merge(values))) for labels, values in shared.items())
+    return whole._replace(samples=[*plain, *together])
+
+
+def _room(sizes: Iterable[int], most: int) -> int:
+    """How many samples each family may have, so that all of them together have no more than `most`."""
+    left, room = most, 0
+    ranked = sorted(sizes)
+    for number, size in enumerate(ranked):
+        room = left // (len(ranked) - number)
+        if size > room:
+            return room
+        left -= size
+    return max([room, *ranked])
+
+
+def _cut(whole: Family, room: int) -> Family:
+    return whole._replace(samples=sorted(whole.samples, key=lambda sample: sorted(sample[0].items()))[:room])
+
+
+# ---- as text
+
+
+def text(families: Iterable[Family]) -> bytes:
+    """The whole answer to a scrape. A family without samples is left out: its lines would say nothing."""
+    lines = []
+    for one in families:
+        if not one.samples:
+            continue
+        name = one.name[: -len(TOTAL)] if one.kind == COUNTER else one.name
+        lines += [f"# TYPE {name} {one.kind}", f"# HELP {name} {escaped(one.help)}"]
+        for labels, value in one.samples:
+            inner = ",".join(f'{key}="{escaped(word)}"' for key, word in sorted(labels.items()))
+            lines.append(f"{one.name}{{{inner}}} {number(value)}" if inner else f"{one.name} {number(value)}")
+    return "\n".join([*lines, "# EOF\n"]).encode()
+
+
+def escaped(word: str) -> str:
+    """
+    >>> escaped('a "b"')
+    'a \\\\"b\\\\"'
+    """
+    return word.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
+
+
+def number(value: float) -> str:
+    if math.isnan(value):
+        return "NaN"
+    return repr(float(value)) if math.isfinite(value) else f"{'+' if value > 0 else '-'}Inf"

@@ -12,11 +12,10 @@ import sys
 import threading
 from typing import Any, Mapping
 
-from . import bounds, families, updates
+from . import families, updates
 from .claims import Claims
 from .families import Family
-from .observer import Observer
-from .poller import Poller
+from .observer import Observer, Poller
 from .server import PORT, Server
 
 ENDING = (signal.SIGTERM, signal.SIGINT)
@@ -30,7 +29,7 @@ OPTIONS: Mapping[str, str] = {
     "--capacities": "{}",  # bytes by claim, as JSON
     "--namespace": "",
     "--statistics": "off",
-    "--series": str(bounds.MOST),
+    "--series": str(families.MOST),
 }
 
 
@@ -76,7 +75,7 @@ class Sources:
             found += families.claim_families(self.claims.used, self.capacities)
         if self.statistics is not None:
             found += families.statistics_families(self.statistics.rows())
-        return bounds.bounded(found, self.most)
+        return families.bounded(found, self.most)
 
 
 def main(words: list[str]) -> int:

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One look at a whole ROS graph for the exporter: the master, then all nodes, a few at a time.
+"""The exporter's looks at a whole ROS graph: the master, then all nodes, a few at a time.
 
 It registers nothing and subscribes to nothing. Its only data connections: the handshake that a service's client makes,
 and one message of an action's status topic.
@@ -9,23 +9,28 @@ and one message of an action's status topic.
 
 from __future__ import annotations
 
-import queue
+import threading
+import time
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Callable, Iterable
 
 from .._common.errors import RefusalError, RosError
-from .._ros import bus_stats, graph, replies, roslaunch
-from .._ros.graph import MasterState
-from .._ros.master import Master
-from .._ros.roslaunch import Child
-from .._ros.rpc import Api, Deadline, in_parallel
+from .._ros import bus_stats, graph, replies
+from .._ros.backend import MasterState
+from .._ros.roslaunch import Child, children
+from .._ros.rpc import Api, Deadline, Master, in_parallel
 from .._ros.transport import greet, read_states, subscribe_status
 from . import snapshot
-from .snapshot import NodeReply
+from .snapshot import GraphMetrics, History, NodeReply, Snapshot
+from .updates import Updates
 
 CALLER = "/ros_exporter"
 AT_ONCE = 8  # nodes, or launch files, asked at the same time
+# Both in parts of the interval. A scrape that comes as a poll ends gets sometimes the new counts and sometimes the old
+# ones, and a rate over some minutes jumps. So polls keep away from scrapes, which come at the same interval.
+NEAR, SHIFT = 0.15, 0.3
+STUCK = 600.0  # without a poll for so long, something is wrong with the exporter itself
 
 
 @dataclass(frozen=True)
@@ -57,42 +62,22 @@ class Observer(Master):
         servers = {action: state.servers(action) for action in state.graph.actions}
         made = []
         for name in sorted(names, key=lambda name: (name in self.late, name)):
-            services = tuple((one, service_uris[one]) for one in state.of(name, state.services) if one in watched)
+            has = state.graph.node(name).services
+            services = tuple((one, service_uris[one]) for one in has if one in watched)
             made.append(Errand(name, uris[name], services, tuple(one for one in servers if name in servers[one])))
         return made
 
     def launched(self, errands: Iterable[Errand]) -> list[Child]:
         """What launch files started where these nodes are; raises what went wrong with the master, as it came."""
         hosts = {graph.host_of(errand.uri) for errand in errands if isinstance(errand.uri, str)}
-        known = list(roslaunch.found(self, hosts).items())
-        turns = [known[begin : begin + AT_ONCE] for begin in range(0, len(known), AT_ONCE)]
-        return [child for turn in turns for child in roslaunch.asked(self, turn)]
+        return children(self, hosts, AT_ONCE)
 
     def answers(self, errands: Iterable[Errand]) -> dict[str, NodeReply]:
         """What the nodes say. A node that hangs costs one time-out, and holds up one of AT_ONCE."""
-        todo: queue.SimpleQueue[Errand] = queue.SimpleQueue()
-        wanted = list(errands)
-        for errand in wanted:
-            todo.put(errand)
-        answers = {errand.name: NodeReply(errors=("timeout",)) for errand in wanted}
-        open_still = [True]
-
-        def work() -> None:
-            while open_still[0]:
-                try:
-                    errand = todo.get_nowait()
-                except queue.Empty:
-                    return
-                answer = self.ask_node(errand)
-                if open_still[0]:
-                    answers[errand.name] = answer
-
+        tasks = {errand.name: partial(self.ask_node, errand) for errand in errands}
         # twice: a node's own questions, then its services and actions
-        seconds = 2 * self.timeout * -(-len(wanted) // AT_ONCE)
-        workers = dict.fromkeys(range(min(AT_ONCE, len(wanted))), work)
-        in_parallel(workers, seconds, lambda _key, _error: None)
-        open_still[0] = False
-        found = dict(answers)
+        seconds = 2 * self.timeout
+        found = in_parallel(tasks, seconds, lambda _name, _error: NodeReply(errors=("timeout",)), AT_ONCE)
         self.late = {name for name, answer in found.items() if answer.pid is None}
         return found
 
@@ -107,8 +92,8 @@ class Observer(Master):
         deadline = Deadline(self.timeout)
         services, actions, errors = {}, {}, list(answer.errors)
         for service, uri in errand.services:
-            up, why = _tried(partial(self._greet, service, uri, deadline))
-            services[service] = why is None and bool(up)
+            _none, why = _tried(partial(self._greet, service, uri, deadline))
+            services[service] = why is None
             errors += [why] if why else []
         for action in errand.actions:
             goals, why = _tried(partial(self._goals, errand.uri, action, deadline))
@@ -127,12 +112,11 @@ class Observer(Master):
         errors = tuple(why for why in (why_info, why_stats) if why)
         return NodeReply(uri, pid, stats, links, own_connections(info), errors=errors)
 
-    def _greet(self, service: str, uri: Any, deadline: Deadline) -> bool:
+    def _greet(self, service: str, uri: Any, deadline: Deadline) -> None:
         """Shake hands as a client does before a call; the service itself is not called."""
         if not isinstance(uri, str):
             raise RefusalError(f"the master has no address of {service}")
         greet(service, uri, CALLER, deadline)
-        return True
 
     def _goals(self, uri: str, action: str, deadline: Deadline) -> tuple[int, ...]:
         """The goals in one status message, over a connection that the master does not know."""
@@ -154,3 +138,73 @@ def _tried(call: Callable[[], Any]) -> tuple[Any, str | None]:
         return call(), None
     except Exception as error:  # whatever an untrusted peer provokes is that peer's result
         return None, snapshot.reason(error)
+
+
+# ---- again and again
+
+
+def too_near(last: float, due: float, at: float, interval: float) -> bool:
+    """Whether a scrape `at` is so near to a poll, the one that ended `last` or the one `due`, that they may meet."""
+    return at - last < NEAR * interval or due - at < NEAR * interval
+
+
+class Poller(threading.Thread):
+    """Polls at its interval, in a thread of its own: a scrape takes the last `snapshot` and never waits."""
+
+    def __init__(self, observer: Observer, interval: float, updates: Updates, tell: Callable[[str], None]) -> None:
+        super().__init__(daemon=True, name="poller")
+        self.observer, self.interval, self.updates, self.tell = observer, interval, updates, tell
+        self.memory = History()
+        self.snapshot = Snapshot(errors=dict(self.memory.errors))
+        self.last = self.due = time.monotonic()
+        self.shifted = False
+        self.wake = threading.Condition()
+
+    def run(self) -> None:
+        while True:
+            self.poll()
+            with self.wake:
+                now = time.monotonic()
+                self.last = now
+                self.due = max(self.due + self.interval, now)
+                while True:
+                    left = self.due + (SHIFT * self.interval if self.shifted else 0.0) - time.monotonic()
+                    if left <= 0:
+                        break
+                    self.wake.wait(left)
+                if self.shifted:
+                    self.due += SHIFT * self.interval
+                self.shifted = False
+
+    def scraped(self) -> None:
+        """Somebody took the snapshot now."""
+        with self.wake:
+            if self.snapshot.polls and too_near(self.last, self.due, time.monotonic(), self.interval):
+                self.shifted = True
+                self.wake.notify()
+
+    def healthy(self) -> bool:
+        """Whether polls come to an end."""
+        return time.monotonic() - self.last < STUCK + self.interval
+
+    def poll(self) -> None:
+        """One look, and a new snapshot."""
+        began, at = time.monotonic(), time.time()
+        ros, self.memory = self._look()
+        for line in self.updates.read(time.time()):
+            self.tell(line)
+        before = self.snapshot.ros.master
+        self.snapshot = Snapshot(ros, self.memory.errors, self.memory.polls, time.monotonic() - began, at)
+        if ros.master != before:
+            self.tell(f"the ROS master at {self.observer.uri} {'answers' if ros.master else 'does not answer'}")
+
+    def _look(self) -> tuple[GraphMetrics, History]:
+        try:
+            state = self.observer.graph()
+            errands = self.observer.errands(state)
+            launched = self.observer.launched(errands)
+        except Exception as error:  # whatever the master does, it is away
+            return snapshot.master_away(self.memory, snapshot.reason(error))
+        answers = self.observer.answers(errands)
+        # the next poll's graph is asked anew, so a node that has moved is found
+        return snapshot.next_poll(state, answers, self.memory, launched)

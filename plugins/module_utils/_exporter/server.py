@@ -9,8 +9,7 @@ import gzip
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Callable, Iterable
 
-from . import openmetrics
-from .families import Family
+from .families import CONTENT_TYPE, Family, text
 
 PORT = 11511
 PATH, READY, HEALTHY = "/metrics", "/ready", "/healthy"
@@ -27,10 +26,10 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         path = self.path.split("?", 1)[0]
         if path == PATH:
-            body = openmetrics.text(self.server.families())
+            body = text(self.server.families())
             zipped = "gzip" in self.headers.get("Accept-Encoding", "")
             # over a robot's radio link a tenth of the bytes is worth a millisecond
-            self._answer(200, gzip.compress(body, 3) if zipped else body, openmetrics.CONTENT_TYPE, zipped)
+            self._answer(200, gzip.compress(body, 3) if zipped else body, CONTENT_TYPE, zipped)
             self.server.scraped()
         elif path == READY or (path == HEALTHY and self.server.healthy()):
             self._answer(200, b"ok\n")

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import socket
 import xmlrpc.client
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
 from .._ros import bus_stats, graph, replies
+from .._ros.backend import MasterState
 from .._ros.bus_stats import Counted, Flow, Stats
-from .._ros.graph import MasterState
 from .._ros.roslaunch import Child
 
 REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
@@ -79,7 +79,8 @@ def reason(error: BaseException) -> str:
     """One of REASONS."""
     error = error.__cause__ or error  # the client's words for it are of no use here
     if isinstance(error, xmlrpc.client.Fault):
-        return "overflow" if bus_stats.is_overflow(str(error.faultString)) else "fault"
+        # rospy's own trouble with a count past XML-RPC's 32 bits: "<class 'OverflowError'>:int exceeds XML-RPC limits"
+        return "overflow" if "exceeds XML-RPC limits" in str(error.faultString) else "fault"
     if isinstance(error, RefusalError) or (isinstance(error, RosError) and str(error).startswith("refused")):
         return "fault"  # by a code, or in a handshake's field `error`
     kinds: list[tuple[Any, str]] = [
@@ -95,16 +96,15 @@ def is_stale(state: MasterState, name: str, answer: NodeReply) -> bool:
     if answer.stats is None:
         return False
     own = {topic for topic, _direction in answer.stats.flows}
-    registered = (*state.of(name, state.publishers), *state.of(name, state.subscribers))
-    return any(topic not in own for topic in registered)
+    node = state.graph.node(name)
+    return any(topic not in own for topic in (*node.publications, *node.subscriptions))
 
 
 def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
     """Nothing is known of the nodes; what was counted so far stays for when they are back."""
     errors = dict(memory.errors)
     errors[why] += 1
-    kept = History(memory.counted, memory.absent, memory.seen, memory.began, errors, memory.polls + 1)
-    return GraphMetrics(master=False), kept
+    return GraphMetrics(master=False), replace(memory, errors=errors, polls=memory.polls + 1)
 
 
 def next_poll(

@@ -12,19 +12,20 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from typing import Any
+from typing import Mapping, Tuple
 
 from .._common.errors import RosError
-from .._ros.streams import TopicStream
+from .._ros.streams import Source, Streams
 from .._ros.tcpros import Reader
 from .observer import CALLER, Observer
 
 TOPIC, TYPE = "/statistics", "rosgraph_msgs/TopicStatistics"
+Key = Tuple[str, str, str]  # topic, publisher, subscriber
 PERIOD = 10.0  # between looks for new publishers
 MAX_AGE = 60.0  # nodes publish ten times a second to once in ten seconds; after this, it is over
 
 
-def decode(body: bytes) -> tuple[tuple[str, str, str], float, int]:
+def decode(body: bytes) -> tuple[Key, float, int]:
     """(topic, publisher, subscriber), mean age in seconds and drops of one rosgraph_msgs/TopicStatistics.
 
     Layout: string topic, node_pub, node_sub; time window_start, window_stop; int32 delivered, dropped, traffic;
@@ -42,38 +43,20 @@ def _signed(reader: Reader) -> int:
     return int.from_bytes(reader.take(4), "little", signed=True)
 
 
-class Totals:
-    """Drops summed up, and the latest age, by topic, publisher and subscriber. Pure but for the lock."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.found: dict[tuple[str, str, str], tuple[float, int, float]] = {}
-
-    def add(self, body: bytes, at: float) -> None:
-        try:
-            key, age, dropped = decode(body)
-        except RosError:
-            return
-        with self.lock:
-            before = self.found.get(key, (0.0, 0, 0.0))[1]
-            self.found[key] = (age, before + max(0, dropped), at)
-
-    def rows(self, now: float) -> list[tuple[tuple[str, str, str], float, int]]:
-        with self.lock:
-            return [(key, age, lost) for key, (age, lost, at) in sorted(self.found.items()) if now - at < MAX_AGE]
-
-
 class Statistics(threading.Thread):
-    """Keeps a stream of every publisher of /statistics."""
+    """Keeps a stream of every publisher of /statistics: drops summed up, and the latest age."""
 
     def __init__(self, uri: str, timeout: float) -> None:
         super().__init__(daemon=True, name="statistics")
         self.observer = Observer(uri, timeout)
-        self.totals = Totals()
-        self.streams: dict[str, TopicStream] = {}
+        self.streams = Streams(CALLER, timeout, self.took)
+        self.lock = threading.Lock()
+        self.found: dict[Key, tuple[float, int, float]] = {}  # age, drops, and when that was
 
-    def rows(self) -> list[tuple[tuple[str, str, str], float, int]]:
-        return self.totals.rows(time.monotonic())
+    def rows(self) -> list[tuple[Key, float, int]]:
+        with self.lock:
+            found, now = sorted(self.found.items()), time.monotonic()
+        return [(key, age, lost) for key, (age, lost, at) in found if now - at < MAX_AGE]
 
     def run(self) -> None:
         while True:
@@ -82,27 +65,18 @@ class Statistics(threading.Thread):
             time.sleep(PERIOD)
 
     def connect(self) -> None:
-        """A stream to each publisher that has none."""
-        state = self.observer.graph()
-        wanted: dict[str, Any] = {}
-        for errand in self.observer.errands(state):
-            if errand.name in state.publishers.get(TOPIC, ()) and isinstance(errand.uri, str):
-                wanted[errand.name] = errand.uri
-        for name, stream in list(self.streams.items()):
-            if not stream.open or wanted.get(name) != stream.uri:
-                stream.close()
-                del self.streams[name]
-        for name, uri in wanted.items():
-            if name not in self.streams:
-                self._open(name, uri)
+        """A stream of each publisher. One that hangs, or is gone, is tried again at the next look."""
+        publishers = self.observer.graph().publishers.get(TOPIC, ())
+        uris = self.observer.addresses(publishers)[0]
+        self.streams.keep({(TOPIC, name, uri) for name, uri in uris.items()})
 
-    def _open(self, name: str, uri: str) -> None:
-        stream = TopicStream(CALLER, TOPIC, uri, lambda body: self.totals.add(body, time.monotonic()))
-        try:
-            stream.connect(self.observer.timeout)
-        except Exception:  # a publisher that hangs, or is gone: again at the next look
+    def took(self, _source: Source, header: Mapping[str, str], body: bytes) -> None:
+        if header.get("type", TYPE) != TYPE:
             return
-        if stream.header.get("type", TYPE) == TYPE:
-            self.streams[name] = stream
-        else:
-            stream.close()
+        try:
+            key, age, dropped = decode(body)
+        except RosError:
+            return
+        with self.lock:
+            before = self.found.get(key, (0.0, 0, 0.0))[1]
+            self.found[key] = (age, before + max(0, dropped), time.monotonic())

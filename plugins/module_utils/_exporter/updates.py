@@ -12,8 +12,8 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any, Mapping
 
-from .._common.documents import Document
-from .families import GAUGE, Family, Sample
+from .._common.documents import Data, Document
+from .families import Family, family
 
 FILE = "/etc/rosops-fleet/updates/updates.json"
 # A line is repeated after a restart of the exporter only for what happened just before: the record holds the latest
@@ -50,6 +50,7 @@ class Update:
 
 _WORDS = {"before": "from", "after": "to"}  # as the record has it
 _NEEDED = ("id", "app", "handoff", "outcome")
+_TEXTS, _TIMES = (*_NEEDED, "reason", "before", "after"), ("started", "finished", "busy_wait")
 
 
 def parse(text: str) -> list[Update]:
@@ -69,12 +70,10 @@ def _update(entry: Document) -> Update:
     phases = entry.get("phases")
     read = {str(name): _number(raw) for name, raw in phases.items()} if isinstance(phases, dict) else {}
     known = {name: seconds for name, seconds in read.items() if seconds is not None}
-    reason, before, after = (
-        str(entry[key]) if isinstance(entry.get(key), str) else "" for key in ("reason", "from", "to")
-    )
-    started, finished, waited = (_number(entry.get(key)) for key in ("started", "finished", "busy_wait"))
-    words = [str(entry[key]) for key in _NEEDED]
-    return Update(words[0], words[1], words[2], words[3], reason, before, after, started, finished, waited, known)
+    said: Data = {key: entry.get(_WORDS.get(key, key)) for key in (*_TEXTS, *_TIMES)}
+    texts: Data = {key: said[key] if isinstance(said[key], str) else "" for key in _TEXTS}
+    times: Data = {key: _number(said[key]) for key in _TIMES}
+    return Update(**texts, **times, phases=known)
 
 
 def _number(value: Any) -> float | None:
@@ -84,22 +83,18 @@ def _number(value: Any) -> float | None:
 def families(updates: list[Update]) -> list[Family]:
     """The latest update of each app."""
 
-    def of(key: str) -> list[Sample]:
-        return [({"app": one.app}, getattr(one, key)) for one in updates if getattr(one, key) is not None]
+    def of(key: str) -> dict[str, float]:
+        return {one.app: getattr(one, key) for one in updates if getattr(one, key) is not None}
 
-    info = [
-        {"app": one.app, "id": one.id, "revision": one.after, "previous": one.before, "handoff": one.handoff,
-         "outcome": one.outcome}
-        for one in updates
-    ]  # fmt: skip
-    phases = [({"app": one.app, "phase": phase}, took) for one in updates for phase, took in sorted(one.phases.items())]
+    known = {(one.app, one.id, one.after, one.before, one.handoff, one.outcome): 1 for one in updates}
+    phases = {(one.app, phase): took for one in updates for phase, took in one.phases.items()}
     told = "The latest update of an app and its outcome"
     return [
-        Family("robot_update_info", GAUGE, told, [(labels, 1.0) for labels in info]),
-        Family("robot_update_started_timestamp_seconds", GAUGE, "When it began", of("started")),
-        Family("robot_update_finished_timestamp_seconds", GAUGE, "When it ended; none while it runs", of("finished")),
-        Family("robot_update_phase_seconds", GAUGE, "How long a phase of it took", phases),
-        Family("robot_update_busy_wait_seconds", GAUGE, "How long it waited for a busy app", of("busy_wait")),
+        family("robot_update_info", told, "app id revision previous handoff outcome", known),
+        family("robot_update_started_timestamp_seconds", "When it began", "app", of("started")),
+        family("robot_update_finished_timestamp_seconds", "When it ended; none while it runs", "app", of("finished")),
+        family("robot_update_phase_seconds", "How long a phase of it took", "app phase", phases),
+        family("robot_update_busy_wait_seconds", "How long it waited for a busy app", "app", of("busy_wait")),
     ]
 
 

@@ -15,21 +15,12 @@ from dataclasses import dataclass, field
 from typing import Iterable, Mapping
 
 from .._common.poll import FAIL, PASS, WAIT
+from .._ros.backend import MasterState, Questions
 from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
-from .._ros.contract import Contract, Edge, Published, is_tool
-from .._ros.graph import (
-    ANY_TYPE,
-    PATIENCE,
-    Graph,
-    Handshake,
-    MasterState,
-    Node,
-    Questions,
-    Rate,
-    ServiceProbe,
-    names_of,
-)
+from .._ros.contract import Contract, Edge, Published
+from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, Node, Rate, ServiceProbe, names_of
+from .._ros.names import is_tool
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
@@ -52,8 +43,9 @@ def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
     nodes = {node: frozenset({"bus", "types"}) for node in own}
     services: list[str] = []
     for node in tuple(nodes):
-        services += state.of(node, state.services)
-        for topic in state.of(node, state.subscribers):
+        has = state.graph.node(node)
+        services += has.services
+        for topic in has.subscriptions:
             for publisher in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
                 if not is_tool(publisher):
                     nodes.setdefault(publisher, frozenset({"bus"}))

@@ -20,8 +20,9 @@ from typing import Iterable, Iterator, Mapping, Sequence
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
+from .._ros.backend import MasterState, Questions
 from .._ros.client import Ros1Client
-from .._ros.graph import MasterState, Questions, Service, StatusReading, host_of
+from .._ros.graph import Service, StatusReading, host_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
@@ -77,7 +78,7 @@ def own_nodes(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNod
         if expected and expected not in state.nodes():
             return [], f"node {expected}: not registered with the master"
         names = [expected] if expected else list(names_here(ros, settings, state))
-        services = {name: state.of(name, state.services) for name in names}
+        services = {name: state.graph.node(name).services for name in names}
         asked = tuple(one for names in services.values() for one in names)
         graph = ros.ask(state, Questions({name: frozenset() for name in services}, asked))
     except RosError as error:
@@ -154,10 +155,10 @@ class OwnNode:
         """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
         ros = ros_of(os.environ, seconds / 2)  # a question, and what follows from it
         state = ros.state()
-        name, uri = self.name, self.uri
+        name, uri, has = self.name, self.uri, state.graph.node(self.name)
         calls = [("unregisterService", name, *one) for one in self.services.items() if one[0] in state.services]
-        calls += [("unregisterPublisher", name, topic, uri) for topic in state.of(name, state.publishers)]
-        calls += [("unregisterSubscriber", name, topic, uri) for topic in state.of(name, state.subscribers)]
+        calls += [("unregisterPublisher", name, topic, uri) for topic in has.publications]
+        calls += [("unregisterSubscriber", name, topic, uri) for topic in has.subscriptions]
         ros.calls(calls)
 
     def forget(self, seconds: float = TIMEOUT) -> None:
@@ -175,7 +176,7 @@ class OwnNode:
             state = ros_of(os.environ, seconds).state()
         except RosError:
             return self.settings.actions
-        published = state.of(self.name, state.publishers)
+        published = state.graph.node(self.name).publications
         names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
         return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
 

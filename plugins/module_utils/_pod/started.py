@@ -19,15 +19,15 @@ from typing import Any, Callable, Collection, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
-from .._ros.backend import Backend
+from .._ros.backend import Backend, MasterState, Questions
 from .._ros.checks import Check
-from .._ros.contract import Contract, is_tool
-from .._ros.gate import rate_window
-from .._ros.graph import Graph, MasterState, Node, Questions, host_of
+from .._ros.contract import Contract
+from .._ros.gate import Silence, rate_window
+from .._ros.graph import Graph, Node, host_of
+from .._ros.names import is_tool
 from .._ros.registrar import Registrar
 from .._ros.registrations import SUBSCRIBER, Call
 from .._ros.roslaunch import Child, children, crash
-from .._ros.silence import Silence
 from .._step.record import record_of
 from .._step.words import CONTRACT
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates

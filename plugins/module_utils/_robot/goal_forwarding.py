@@ -15,7 +15,12 @@ from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
-from .._ros.actionlib import (
+from .._ros.raw_node import Slave
+from .._ros.registrar import Registrar
+from .._ros.replies import connections
+from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
+from .._ros.streams import TopicStream
+from .._ros.tcpros import (
     CANCEL_DEFINITION,
     CANCEL_MD5SUM,
     CANCEL_TYPE,
@@ -24,11 +29,6 @@ from .._ros.actionlib import (
     encode_cancel,
     goal_id,
 )
-from .._ros.raw_node import Slave
-from .._ros.registrar import Registrar
-from .._ros.replies import connections
-from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
-from .._ros.streams import TopicStream
 from . import goal_rules as rules
 from .goal_rules import Goal, Hold, Order, Sight
 

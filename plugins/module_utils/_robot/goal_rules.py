@@ -18,7 +18,7 @@ import base64
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
-from .._ros.actionlib import NO_STAMP, RECALLING
+from .._ros.tcpros import NO_STAMP, RECALLING
 
 KEEP = 600.0  # seconds that goals are kept beyond the hold's own time
 PATIENCE = 5.0  # seconds for clients to connect to the new server: one that does not is dead or has lost interest

@@ -17,7 +17,7 @@ from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import RosError
 from .._ros import registrations
-from .._ros.graph import MasterState
+from .._ros.backend import MasterState
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
 from . import memory

@@ -16,10 +16,9 @@ import threading
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any, Callable, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Mapping
 
 from .._common.errors import RosError
-from .._ros.graph import MasterState
 from .._ros.latched import Ear, give, open_ear, take
 from .._ros.raw_node import SEND_SECONDS, Publication, Slave
 from .._ros.registrar import Registrar
@@ -27,6 +26,9 @@ from .._ros.replies import connections, topic_types
 from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
 from .latched import DROP, OFFER, Value, as_kept, from_kept, worth_keeping
 from .memory import KeptFiles
+
+if TYPE_CHECKING:  # a keeper of a collection before 1.0 loads this late, among its own files
+    from .._ros.backend import MasterState
 
 PART = "latched"  # of the kept files
 MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; their volume has 64 MiB

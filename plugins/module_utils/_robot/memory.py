@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
-from .._ros.bodies import loads
 from .._ros.registrations import Entry, Liveness, Plan
+from .._ros.replies import loads
 
 AGAIN = 5.0  # seconds between two looks at a node, at least
 PERIOD = 10.0  # seconds between looks at a node that answered

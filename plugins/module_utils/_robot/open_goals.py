@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Callable, Mapping, Sequence
 
 from .._common.errors import KubeError, RosError
-from .._ros.backend import Backend
-from .._ros.graph import BUSY_STATES, GOAL_STATES, Graph, MasterState, Questions
+from .._ros.backend import Backend, MasterState, Questions
+from .._ros.graph import BUSY_STATES, GOAL_STATES, Graph
 from .._step.objects import Object, annotations_of, has_node, name_of, node_of, rolled_out
 from .._step.record import PROVEN, mark_of
 from .._step.words import MASTER, NODE

@@ -19,8 +19,7 @@ from .._common.documents import Data
 from .._ros import contract as ros_contract
 from .._ros.backend import Backend
 from .._ros.conditions import conditions_from
-from .._ros.gate import Look, look
-from .._ros.silence import Silence
+from .._ros.gate import Look, Silence, look
 from .._step.objects import Object, crashes, ends_by_container, error_of, was_out_of_memory
 from .._step.words import MASTER
 from .way_back import Step

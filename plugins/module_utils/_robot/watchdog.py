@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Callable, Iterable
 
 from .._common.errors import RosError
-from .._ros.backend import Backend
-from .._ros.graph import Questions, host_of
+from .._ros.backend import Backend, Questions
+from .._ros.graph import host_of
 from .._step.objects import Object, annotations_of, app_of, has_node, is_ready, name_of
 from .._step.words import KEEPER, LIVENESS, LIVENESS_LEAST, LIVENESS_TIMEOUT, MASTER
 from .cluster_api import ApiError, Cluster

@@ -8,15 +8,14 @@ Pure. `wait` is the verdict for everything that time may mend; `fail` only for w
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Iterable, Sequence
 
 from .._common.documents import Data
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
-from .contract import is_tool
 from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Handshake, NodeKey, Rate, StatusReading, Topic, names_of
-from .names import is_keeper
+from .names import is_keeper, is_tool
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap
 
@@ -30,9 +29,6 @@ class Check:
     verdict: str
     reason: str
     observed: Data = field(default_factory=dict)
-
-    def as_dict(self) -> Data:
-        return asdict(self)
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name}: {self.reason}"
@@ -134,9 +130,8 @@ def check_action(graph: Graph, wanted: ActionCondition) -> Check:
         counted = [key for key in read if key in alive or (key.name == wanted.server and not read[key].refused)]
         seen = [_idle(key, read[key]) for key in counted]
         verdict = overall([one for one, _reason in seen])
-        return Check(
-            "action", wanted.name, verdict, "; ".join(reason for one, reason in seen if one == verdict), observed
-        )
+        told = "; ".join(reason for one, reason in seen if one == verdict)
+        return Check("action", wanted.name, verdict, told, observed)
     if len(alive) > 1:
         reason = f"{len(alive)} servers take the same goals: {listed(alive)}"
         return Check("action", wanted.name, WAIT, reason, observed)
@@ -183,53 +178,36 @@ def _counted(keys: Sequence[NodeKey]) -> Sequence[NodeKey]:
     return [key for key in keys if not is_tool(key.name)] or keys
 
 
-def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
+def _check_connected(graph: Graph, topic: Topic, whose: NodeKey | None) -> tuple[str, str, list[str]]:
     """Every subscriber that lives must be a destination of every publisher that lives, and there must be one of each.
 
-    Somebody's laptop that fell asleep with a subscription is no fault of anybody's.
+    Or of the one publisher that is meant (`whose`), which is up, whoever subscribes. Somebody's laptop that fell asleep
+    with a subscription is no fault of anybody's.
     """
-    if not topic.publishers or not topic.subscribers:
-        lacking = "publisher" if not topic.publishers else "subscriber"
-        return WAIT, f"not connected: no {lacking} is registered", []
-    registered = {"publisher": topic.publishers, "subscriber": topic.subscribers}
-    ends = {role: _counted(keys) for role, keys in registered.items()}
+    ends = {"publisher": [whose] if whose else _counted(topic.publishers), "subscriber": _counted(topic.subscribers)}
     alive = {role: [key for key in keys if not graph.at(key).gone] for role, keys in ends.items()}
-    down = [key for keys in ends.values() for key in keys if graph.at(key).gone]
-    for role, keys in ends.items():
+    for role, keys in ends.items() if not whose else ():
+        if not keys:
+            return WAIT, f"not connected: no {role} is registered", []
         if not alive[role]:
             told = listed(f"{key} ({graph.at(key).error})" for key in keys)
             return WAIT, f"not connected: every {role} is registered, but down: {told}", names_of(topic.subscribers)
+    down = [key for keys in ends.values() for key in keys if graph.at(key).gone]
+    note = f"; down, so not counted: {listed(down)}" if down else ""
     reasons: list[str] = []
-    missing_all: set[NodeKey] = set()
+    lacking: set[NodeKey] = set()
     number = count(len(alive["subscriber"]), "subscriber")
     for publisher in alive["publisher"]:
         missing = graph.unreached(topic.name, publisher, alive["subscriber"])
-        missing_all.update(alive["subscriber"] if missing is None else missing)
+        lacking.update(alive["subscriber"] if missing is None else missing)
         if missing is None:
             reasons.append(_unknown(graph, publisher))
         elif missing:
             have = len(alive["subscriber"]) - len(missing)
             reasons.append(f"{have} of {number} connected to {publisher}: missing {listed(missing)}")
-    note = f"; down, so not counted: {listed(down)}" if down else ""
     if reasons:
-        return WAIT, "; ".join(reasons) + note, names_of(sorted(missing_all))
-    return PASS, f"{number} connected to {count(len(alive['publisher']), 'publisher')}{note}", []
-
-
-def _check_connected_to(graph: Graph, topic: Topic, publisher: NodeKey) -> tuple[str, str, list[str]]:
-    """Every subscriber that lives must be a destination of this publisher; what died is no fault of it."""
-    counted = _counted(topic.subscribers)
-    missing = graph.unreached(topic.name, publisher, counted)
-    if missing is None:
-        return WAIT, _unknown(graph, publisher), names_of(counted)
-    dead = [key for key in missing if graph.at(key).gone]
-    missing = [key for key in missing if key not in dead]
-    alive = len(counted) - len(dead)
-    note = f"; down, so not counted: {listed(dead)}" if dead else ""
-    if missing:
-        have = f"{alive - len(missing)} of {count(alive, 'subscriber')}"
-        return WAIT, f"{have} connected to {publisher}: missing {listed(missing)}{note}", names_of(missing)
-    return PASS, f"{count(alive, 'subscriber')} connected to {publisher}{note}", []
+        return WAIT, "; ".join(reasons) + note, names_of(sorted(lacking))
+    return PASS, f"{number} connected to {whose or count(len(alive['publisher']), 'publisher')}{note}", []
 
 
 def _unknown(graph: Graph, publisher: NodeKey) -> str:
@@ -242,11 +220,8 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     if topic is None:
         return Check("topic", wanted.name, WAIT, "nobody has registered it with the master")
     parts: list[tuple[str, str]] = []
-    observed: Data = {
-        "type": topic.type,
-        "publishers": names_of(topic.publishers),
-        "subscribers": names_of(topic.subscribers),
-    }
+    ends = {"publishers": names_of(topic.publishers), "subscribers": names_of(topic.subscribers)}
+    observed: Data = {"type": topic.type, **ends}
     whose = graph.node(wanted.publisher).key if wanted.publisher else None
     if wanted.publisher:
         parts.append(_check_publisher(graph, topic, wanted.publisher))
@@ -263,11 +238,9 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     if wanted.subscribers is not None:
         parts.append(_check_number(graph, "subscriber", topic.subscribers, wanted.subscribers))
     if wanted.connected and (not whose or parts[0][0] == PASS):
-        found = _check_connected_to(graph, topic, whose) if whose else _check_connected(graph, topic)
-        verdict, reason, missing = found
+        verdict, reason, missing = _check_connected(graph, topic, whose)
         parts.append((verdict, reason))
-        observed["missing"] = missing
-        observed["connections"] = len(topic.connections)
+        observed.update(missing=missing, connections=len(topic.connections))
     verdict = overall([part[0] for part in parts])
     # what is wrong says the most; what is right is told only when nothing is wrong
     reasons = [reason for part, reason in parts if part != PASS or verdict == PASS]
@@ -281,9 +254,8 @@ def check_rate(wanted: TopicCondition, rate: Rate | None) -> Check:
         own = (part for key, part in rate.by.items() if key.name == wanted.publisher)
         rate = next(own, Rate(error=f"{wanted.publisher} does not publish it"))
     if rate is None:
-        return Check(
-            "rate", wanted.name, WAIT, f"not measured: at least {least:g} Hz is looked at once all else passes"
-        )
+        why = f"not measured: at least {least:g} Hz is looked at once all else passes"
+        return Check("rate", wanted.name, WAIT, why)
     observed = {"rate": round(rate.hz, 3), "messages": rate.messages, "seconds": round(rate.seconds, 3)}
     if rate.error:
         return Check("rate", wanted.name, WAIT, f"not measured: {rate.error}", observed)

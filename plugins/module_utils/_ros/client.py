@@ -9,17 +9,16 @@ It reads and changes nothing: no registration, no parameter, no service call.
 from __future__ import annotations
 
 import time
-import xmlrpc.client
 from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.documents import Data
 from .._common.errors import RosError
-from .graph import BUSY_STATES, Graph, Handshake, MasterState, NodeKey, Questions, Rate, ServiceProbe, StatusReading
-from .master import Master
+from .backend import MasterState, Questions
+from .graph import BUSY_STATES, Graph, Handshake, NodeKey, Rate, ServiceProbe, StatusReading
 from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris
-from .rpc import Api, Deadline, TimedSocket, in_parallel, reason
+from .rpc import Api, Deadline, Master, TimedSocket, in_parallel, reason
 from .streams import count_messages
 from .transport import greet, read_states, subscribe, subscribe_status
 
@@ -43,10 +42,9 @@ class Ros1Client(Master):
         uris, service_uris = self.look_up(sorted({*wanted.nodes, *servers}), wanted.services)
         known = {name: uri for name, uri in uris.items() if isinstance(uri, str)}
         doubtful = shared_uris(known)
-        tasks: dict[Any, Callable[[], Any]] = {}
+        tasks: dict[tuple[str, ...], Callable[[], Any]] = {}
         for name, calls in wanted.nodes.items():
-            asked = calls | {"types"} if name in doubtful else calls
-            tasks["node", name] = partial(self._node, uris[name], asked)
+            tasks["node", name] = partial(self._node, uris[name], calls | {"types"} if name in doubtful else calls)
         for name in wanted.services:
             tasks["service", name] = partial(self._service, name, service_uris[name])
         for name, action_servers in actions.items():
@@ -54,24 +52,20 @@ class Ros1Client(Master):
                 tasks["status", name, server] = partial(self.status, name, uris[server])
 
         def failed(key: Any, error: BaseException) -> Any:
-            kind, name = key[0], key[1]
-            found = service_uris[name] if kind == "service" else uris[key[-1]]
+            found = service_uris[key[1]] if key[0] == "service" else uris[key[-1]]
             where = found if isinstance(found, str) else ""
-            why = reason(error, where or self.uri, self.timeout)
-            if kind == "node":
-                return NodeAnswer(where, error=why, refused=isinstance(error, ConnectionRefusedError))
-            if kind == "service":
-                return ServiceProbe(where, error=why)
-            return StatusReading(error=why, refused=isinstance(error, ConnectionRefusedError))
+            why, refused = reason(error, where or self.uri, self.timeout), isinstance(error, ConnectionRefusedError)
+            if key[0] == "node":
+                return NodeAnswer(where, error=why, refused=refused)
+            return ServiceProbe(where, error=why) if key[0] == "service" else StatusReading((), why, refused)
 
         results = in_parallel(tasks, self.timeout, failed)
-        statuses: dict[str, dict[str, StatusReading]] = {name: {} for name in actions}
-        for key, result in results.items():
-            if key[0] == "status":
-                statuses[key[1]][key[2]] = result
-        answers = {key[1]: result for key, result in results.items() if key[0] == "node"}
-        probes = {key[1]: result for key, result in results.items() if key[0] == "service"}
-        return build(state, answers, probes, statuses)
+        return build(
+            state,
+            {name: results["node", name] for name in wanted.nodes},
+            {name: results["service", name] for name in wanted.services},
+            {name: {one: results["status", name, one] for one in of_it} for name, of_it in actions.items()},
+        )
 
     def _node(self, uri: Any, asked: frozenset[str]) -> NodeAnswer:
         try:
@@ -87,9 +81,9 @@ class Ros1Client(Master):
             return NodeAnswer(
                 uri,
                 pid,
-                bus=_optional(api, "getBusInfo") if "bus" in asked else None,
-                publications=_optional(api, "getPublications") if "types" in asked else None,
-                subscriptions=_optional(api, "getSubscriptions") if "types" in asked else None,
+                bus=api.optional("getBusInfo") if "bus" in asked else None,
+                publications=api.optional("getPublications") if "types" in asked else None,
+                subscriptions=api.optional("getSubscriptions") if "types" in asked else None,
             )
 
     def _service(self, name: str, uri: Any) -> ServiceProbe:
@@ -167,11 +161,3 @@ def _address(uri: Any) -> str:
     if isinstance(uri, RosError):
         raise uri
     return str(uri)
-
-
-def _optional(api: Api, method: str) -> Any:
-    """A node that answers its process id is alive; one call that it does not know leaves only that part unknown."""
-    try:
-        return api.call(method)
-    except (RosError, xmlrpc.client.Fault):
-        return None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Callable, TypeVar
 
 from .._common.documents import Data, Document
@@ -175,8 +175,13 @@ def conditions_from(params: Document) -> Conditions:
     return found
 
 
+def _given(kind: type, item: Document) -> Data:
+    """What an item says of a condition; an option that was left out is None in it."""
+    return {one.name: item[one.name] for one in fields(kind) if item.get(one.name) not in (None, "")}
+
+
 class _Reader:
-    """Reads options, and notes what is wrong with them."""
+    """Reads options, and notes what is wrong with them. Choices are the argument spec's."""
 
     def __init__(self, params: Document) -> None:
         self.params = params
@@ -211,30 +216,18 @@ class _Reader:
         for key in ("publishers", "subscribers", "min_rate"):
             if item.get(key) is not None and not (math.isfinite(item[key]) and item[key] >= 0):
                 self.errors.append(f"{path}.{key}: {item[key]} is not at least 0")
-        return TopicCondition(
-            self.name(f"{path}.name", item.get("name")),
-            item.get("type") or None,
-            item.get("publishers"),
-            item.get("subscribers"),
-            bool(item.get("connected")),
-            item.get("min_rate") or None,
-            self.name(f"{path}.publisher", item["publisher"]) if item.get("publisher") else None,
-            bool(item.get("latched")),
-        )
+        names = {"name": self.name(f"{path}.name", item.get("name"))}
+        if item.get("publisher"):
+            names["publisher"] = self.name(f"{path}.publisher", item["publisher"])
+        return TopicCondition(**{**_given(TopicCondition, item), **names})
 
     def action(self, path: str, item: Document) -> ActionCondition:
-        state = item.get("state") or "up"
-        if state not in ("up", "idle"):
-            self.errors.append(f"{path}.state: {state!r} is neither up nor idle")
         server = self.name(f"{path}.server", item["server"]) if item.get("server") else ""
-        return ActionCondition(self.name(f"{path}.name", item.get("name")), state, server)
+        return ActionCondition(self.name(f"{path}.name", item.get("name")), item.get("state") or "up", server)
 
     def edge(self, path: str, item: Document) -> EdgeCondition:
-        peer = item.get("peer") or ""
-        if peer not in ("", "publisher", "subscriber"):
-            self.errors.append(f"{path}.peer: {peer!r} is neither publisher nor subscriber")
         names = {key: self.name(f"{path}.{key}", item.get(key)) for key in ("publisher", "topic", "subscriber")}
-        return EdgeCondition(**names, peer=peer)
+        return EdgeCondition(**names, peer=item.get("peer") or "")
 
     def value(self, path: str, item: Document) -> ValueCondition:
         given = {key: item[key] for key in VALUE_KEYS if item.get(key) is not None}

@@ -19,29 +19,21 @@ Pure.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
-from typing import Callable, Iterable, Mapping, Sequence, Tuple
+from typing import Iterable, Mapping, Sequence, Tuple, TypeVar
 
 from .._common.documents import Data, Document
 from .graph import ANY_TYPE, Graph, NodeKey, Topic, names_of
-from .names import ANONYMOUS, KEEPER
+from .names import is_tool, matches, renamed
 
 Edge = Tuple[str, str, str]  # publisher, topic, subscriber
+_Any = TypeVar("_Any")
 
 TOLERANCE = 0.1
 STREAMED = ("min_rate", "latched")  # of a topic's conditions, those for which streams are opened
 
 LOGGERS = ("/get_loggers", "/set_logger_level")
 ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
-_TOOL = re.compile(ANONYMOUS + r"\Z")
-_TOOL_NAMES = ("rqt", "rosops_fleet", KEEPER)
-
-
-def is_tool(node: str) -> bool:
-    """A node that somebody has open to look at the graph, or that belongs to this collection."""
-    return bool(_TOOL.search(node)) or node.rpartition("/")[2].startswith(_TOOL_NAMES)
 
 
 @dataclass(frozen=True)
@@ -64,21 +56,6 @@ class Intended:
     def rate(self, topic: str) -> float | None:
         """What is said of the topic; None: nothing."""
         return next((hz for pattern, hz in self.rates.items() if matches(topic, [pattern])), None)
-
-
-def matches(name: str, patterns: Iterable[str]) -> bool:
-    """Whether a graph name is one of these, or of a pattern of them: `*` stands for anything, slashes among it."""
-    return any(fnmatchcase(name, pattern) for pattern in patterns)
-
-
-def renamed(name: str, renames: Mapping[str, str]) -> str:
-    """A graph name after the nodes' renaming: a node's own name, and what stands in its private namespace."""
-    if name in renames:
-        return renames[name]
-    for old, new in renames.items():
-        if name.startswith(f"{old}/"):
-            return new + name[len(old) :]
-    return name
 
 
 # ---- what is owed
@@ -133,11 +110,6 @@ class Published:
     first: Sent = field(default_factory=Sent)
     publishers: Mapping[str, Sent] = field(default_factory=dict)
 
-    def each(self, change: Callable[[Sent], Sent]) -> Published:
-        """With what was sent changed like this."""
-        publishers = {node: change(sent) for node, sent in self.publishers.items()}
-        return replace(self, first=change(self.first), publishers=publishers)
-
     def as_dict(self) -> Data:
         publishers = {node: sent.as_dict() for node, sent in self.publishers.items()}
         return {**self.definition.as_dict(), **self.first.as_dict(), "publishers": publishers}
@@ -185,22 +157,19 @@ class Contract:
         def new(name: str) -> str:
             return renamed(name, renames)
 
-        def all_new(names: Iterable[str]) -> tuple[str, ...]:
-            return tuple(map(new, names))
+        def keyed(found: Mapping[str, _Any]) -> dict[str, _Any]:
+            return {new(name): one for name, one in found.items()}
 
-        topics = {
-            new(name): replace(one, publishers={new(node): sent for node, sent in one.publishers.items()})
-            for name, one in self.topics.items()
-        }
+        topics = {name: replace(one, publishers=keyed(one.publishers)) for name, one in self.topics.items()}
         return replace(
             self,
             node=new(self.node),
-            nodes=all_new(self.nodes),
-            members=all_new(self.members),
-            topics=topics,
-            subscriptions={new(name): one for name, one in self.subscriptions.items()},
-            services={new(name): one for name, one in self.services.items()},
-            actions=all_new(self.actions),
+            nodes=tuple(map(new, self.nodes)),
+            members=tuple(map(new, self.members)),
+            topics=keyed(topics),
+            subscriptions=keyed(self.subscriptions),
+            services=keyed(self.services),
+            actions=tuple(map(new, self.actions)),
             edges=tuple((new(one), new(topic), new(other)) for one, topic, other in self.edges),
             others=self.others.renamed(renames) if self.others else None,
         )
@@ -210,23 +179,33 @@ class Contract:
 
         Of a node that is down now the graph shows nothing. What was proven of it is what it owes.
         """
+        on_demand = set(self.nodes) & set(intended.on_demand)
+        there = replace(self, topics={}, subscriptions={}, services={}, actions=(), edges=()) if on_demand else self
+        others = self.others.owed(intended) if self.others else None
+        return replace(there.meant(intended, intended.renamed, self.actions), others=others)
+
+    def meant(self, intended: Intended, renames: Mapping[str, str], actions: Iterable[str]) -> Contract:
+        """All of it but what an update is meant to change, under its old or its new name: who changes both writes one
+        of them down. `actions`: those whose topics go with them.
+        """
+        action_of = {f"{action}/{part}": action for action in actions for part in ACTION_TOPICS}
 
         def stays(name: str) -> bool:
-            return not (matches(name, intended.ignore) or matches(renamed(name, intended.renamed), intended.ignore))
+            names = {name, action_of.get(name, name)}
+            return not any(matches(one, intended.ignore) for one in names | {renamed(one, renames) for one in names})
 
-        def meant(name: str, one: Published) -> Published:
-            hz = intended.rate(renamed(name, intended.renamed))
-            return one if hz is None else one.each(lambda sent: replace(sent, least=hz))
+        def asked(name: str, one: Published) -> Published:
+            hz = intended.rate(renamed(name, renames))
+            publishers = {node: replace(sent, least=hz) for node, sent in one.publishers.items()}
+            return one if hz is None else replace(one, first=replace(one.first, least=hz), publishers=publishers)
 
-        there = NOTHING if set(self.nodes) & set(intended.on_demand) else self
         return replace(
             self,
-            topics={name: meant(name, one) for name, one in there.topics.items() if stays(name)},
-            subscriptions={name: one for name, one in there.subscriptions.items() if stays(name)},
-            services={name: one for name, one in there.services.items() if stays(name)},
-            actions=tuple(filter(stays, there.actions)),
-            edges=tuple(edge for edge in there.edges if stays(edge[1])),
-            others=self.others.owed(intended) if self.others else None,
+            topics={name: asked(name, one) for name, one in self.topics.items() if stays(name)},
+            subscriptions={name: one for name, one in self.subscriptions.items() if stays(name)},
+            services={name: one for name, one in self.services.items() if stays(name)},
+            actions=tuple(filter(stays, self.actions)),
+            edges=tuple(edge for edge in self.edges if stays(edge[1])),
         )
 
     def as_dict(self) -> Data:
@@ -271,12 +250,10 @@ NOTHING = Contract()
 # ---- recording
 
 
-def record(  # noqa: PLR0913 - the last four have defaults and go into the result as they are
+def record(
     graph: Graph,
     nodes: Sequence[str],
     renames: Mapping[str, str] | None = None,
-    revision: str = "",
-    tolerance: float = TOLERANCE,
     intended: Intended = Intended(),  # noqa: B008 - it is frozen
 ) -> Contract:
     """What `nodes` (their names now) are to the graph, in the names that hold after the update.
@@ -286,46 +263,42 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
     definition with them: its type is not asked for, as they connect only if they agree.
     """
     taken = _Recorder(graph, nodes, renames or {}, intended)
-    own = [taken.new(name) for name in nodes]
-    return Contract(
-        own[0] if own else "",
-        tuple(taken.new(name) for name in taken.alive),
-        tuple(sorted(new for old, new in taken.renames.items() if old not in taken.words)),
-        taken.topics(own[0] if own else ""),
-        taken.subscriptions(),
-        taken.services(),
-        taken.actions(),
-        tuple(sorted(taken.edges())),
-        revision=revision,
-        tolerance=tolerance,
-    )
+    found = taken.contract().renamed(taken.names)
+    parts: Data = {part: tuple(sorted(getattr(found, part))) for part in ("members", "actions", "edges")}
+    return replace(found, **parts)
 
 
 def rated(graph: Graph, nodes: Sequence[str], intended: Intended) -> set[str]:
     """Those of the nodes that publish something at a rate that `record` would take down."""
     taken = _Recorder(graph, nodes, {}, intended)
-    topics = [topic for name, topic in graph.topics.items() if taken.counts(name) and taken.has_rate(name)]
-    return {key.name for topic in topics for key in taken.own(topic.publishers)}
+    topics = taken.contract().topics.items()
+    return {node for name, topic in topics if name not in taken.of_actions for node in topic.publishers}
 
 
 class _Recorder:
+    """What nodes are to the graph, in the names that hold now."""
+
     def __init__(self, graph: Graph, nodes: Sequence[str], renames: Mapping[str, str], intended: Intended) -> None:
-        self.graph, self.renames, self.intended = graph, renames, intended
+        self.graph, self.nodes, self.renames, self.intended = graph, nodes, renames, intended
         self.names = {**intended.renamed, **renames}
-        self.words = {*graph.topics, *graph.services}
         self.alive = [name for name in nodes if graph.node(name).reachable]
-        self.action_topics = {f"{action}/{part}" for action in graph.actions for part in ACTION_TOPICS}
+        self.of_actions = {f"{action}/{part}" for action in graph.actions for part in ACTION_TOPICS}
+        self.counted = {name: topic for name, topic in graph.topics.items() if name != "/rosout"}
 
-    def new(self, name: str) -> str:
-        return renamed(name, self.names)
-
-    def counts(self, topic: str) -> bool:
-        action = topic.rpartition("/")[0] if topic in self.action_topics else ""
-        return topic != "/rosout" and not self.ignored(topic) and not self.ignored(action)
-
-    def ignored(self, name: str) -> bool:
-        """Under its old or its new name: who changes both writes one of them down."""
-        return matches(name, self.intended.ignore) or matches(self.new(name), self.intended.ignore)
+    def contract(self) -> Contract:
+        """Without what the update is meant to change."""
+        names = {*self.graph.topics, *self.graph.services}
+        found = Contract(
+            self.nodes[0] if self.nodes else "",
+            tuple(self.alive),
+            tuple(old for old in self.renames if old not in names),
+            self.topics(),
+            self.subscriptions(),
+            self.services(),
+            tuple(name for name, one in self.graph.actions.items() if one.up and self.own(one.servers)),
+            tuple(self.edges()),
+        )
+        return found.meant(self.intended, self.names, self.graph.actions)
 
     def inside(self, topic: Topic) -> bool:
         """Whether the topic is the step's own business: several of its nodes use it, and nobody else does."""
@@ -344,57 +317,47 @@ class _Recorder:
 
     def edges(self) -> list[Edge]:
         return [
-            (self.new(ends[0].name), self.new(name), self.new(ends[1].name))
-            for name, topic in self.graph.topics.items()
-            if self.counts(name)
+            (ends[0].name, name, ends[1].name)
+            for name, topic in self.counted.items()
             for ends in topic.connections
             if len(self.peers(ends)) == 2 and self.own(ends) and all(self.follows(name, end.name) for end in ends)
         ]
 
-    def topics(self, first: str) -> dict[str, Published]:
-        found = {}
-        for name, topic in self.graph.topics.items():
-            publishers = {self.new(key.name): self.publisher(topic, key) for key in self.own(topic.publishers)}
-            if publishers and self.counts(name):
-                of_first = publishers.get(first) or next(iter(publishers.values()))
-                any_ = self.inside(topic)
-                carried = Definition() if any_ else Definition(known(topic.type), known(topic.md5sum))
-                found[self.new(name)] = Published(carried, of_first, publishers)
-        return found
-
-    def publisher(self, topic: Topic, key: NodeKey) -> Sent:
-        rate = topic.rates.get(key) if self.has_rate(topic.name) else None
-        return Sent(rate, self.intended.rate(self.new(topic.name)), key.name in names_of(topic.latched))
-
-    def has_rate(self, topic: str) -> bool:
-        """An action's topics carry what its goals make them carry; its server is judged by its status."""
-        return topic not in self.action_topics
-
     def follows(self, topic: str, node: str) -> bool:
         """Whether a node goes on using the topic under the name that it will have."""
-        return self.new(topic) == topic or node in self.renames
+        return renamed(topic, self.names) == topic or node in self.renames
+
+    def topics(self) -> dict[str, Published]:
+        found = {}
+        for name, topic in self.counted.items():
+            publishers = {key.name: self.sent(topic, key) for key in self.own(topic.publishers)}
+            if publishers:
+                of_first = publishers.get(self.nodes[0]) or next(iter(publishers.values()))
+                carried = Definition() if self.inside(topic) else Definition(known(topic.type), known(topic.md5sum))
+                found[name] = Published(carried, of_first, publishers)
+        return found
+
+    def sent(self, topic: Topic, key: NodeKey) -> Sent:
+        """An action's topics carry what its goals make them carry; its server is judged by its status."""
+        rate = None if topic.name in self.of_actions else topic.rates.get(key)
+        return Sent(rate, latched=key.name in names_of(topic.latched))
 
     def subscriptions(self) -> dict[str, str]:
         """Those over which something came: who subscribes to whatever there is does so again when it is there."""
         return {
-            self.new(name): "" if self.inside(topic) else known(topic.type)
-            for name, topic in self.graph.topics.items()
-            if self.counts(name) and self.own(peer for key, peer in topic.connections if self.graph.at(key).reachable)
+            name: "" if self.inside(topic) else known(topic.type)
+            for name, topic in self.counted.items()
+            if self.own(peer for key, peer in topic.connections if self.graph.at(key).reachable)
         }
 
     def services(self) -> dict[str, Definition]:
-        return {
-            self.new(name): Definition(known(service.said.type), known(service.said.md5sum))
-            for name, service in self.graph.services.items()
-            if service.up
-            and self.own([self.graph.node(service.said.provider).key] if service.said.provider else service.providers)
-            and not self.ignored(name)
-            and not name.endswith(LOGGERS)
-        }
-
-    def actions(self) -> tuple[str, ...]:
-        found = [name for name, one in self.graph.actions.items() if one.up and self.own(one.servers)]
-        return tuple(sorted(self.new(name) for name in found if not self.ignored(name)))
+        found = {}
+        for name, service in self.graph.services.items():
+            said = service.said
+            providers = [self.graph.node(said.provider).key] if said.provider else service.providers
+            if service.up and self.own(providers) and not name.endswith(LOGGERS):
+                found[name] = Definition(known(said.type), known(said.md5sum))
+        return found
 
 
 def known(word: str) -> str:
@@ -405,8 +368,8 @@ def known(word: str) -> str:
 # ---- what is asked for afterwards
 
 
-def conditions(contract: Contract, tolerance: float | None = None, absent: Sequence[str] = ()) -> Data:
-    """The contract as options of ros_ready. `absent`: the nodes of the old revision.
+def conditions(contract: Contract, tolerance: float | None = None) -> Data:
+    """The contract as options of ros_ready.
 
     An edge's end that is not ours may leave by itself, which is not the update's fault.
     """
@@ -424,7 +387,6 @@ def conditions(contract: Contract, tolerance: float | None = None, absent: Seque
         "services": [{"name": name} for name in contract.services],
         "actions": [{"name": name, "state": "up"} for name in contract.actions],
         "edges": [_edge(edge, ours) for edge in contract.edges],
-        "absent": list(absent),
     }
 
 

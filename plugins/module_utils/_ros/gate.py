@@ -3,18 +3,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The gate: conditions on the ROS graph, and one check with a verdict and a reason for each.
 
-Pure but for `look`, which asks the `Backend` that is handed in. `wait` is the verdict for everything that time may
-mend; `fail` only for what a living node itself contradicts.
+Pure but for `look`, which asks the `Backend` that is handed in. `checks` says which verdict is for what.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Iterable, Mapping, Optional, Protocol, Sequence, Tuple
+import time
+from dataclasses import dataclass, replace
+from typing import Callable, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
-from .backend import Backend
+from .backend import Backend, MasterState, Questions
 from .checks import (
     Check,
     check_absent,
@@ -27,8 +27,7 @@ from .checks import (
     check_topic,
 )
 from .conditions import Conditions, TopicCondition
-from .graph import Graph, Handshake, MasterState, Questions, Rate
-from .silence import Silence
+from .graph import Graph, Handshake, Rate
 
 # Gate and startup probe count for the same time, so that what one of them lets pass is no surprise to the other. In a
 # second, a publisher that is 10 ms late is within checks.RATE_TOLERANCE; a slow one needs longer.
@@ -78,10 +77,15 @@ def rate_window(min_rate: float) -> float:
 
 
 Said = Mapping[Tuple[str, Optional[str]], Handshake]  # by topic and the publisher that is asked for
+Ears = Callable[[Graph], List[Check]]  # one check per value that messages have to say: `listener.Listener.checks`
 
 
 def evaluate(
-    graph: Graph, conditions: Conditions, rates: Mapping[str, Rate] | None = None, said: Said | None = None
+    graph: Graph,
+    conditions: Conditions,
+    rates: Mapping[str, Rate] | None = None,
+    said: Said | None = None,
+    ears: Ears | None = None,
 ) -> list[Check]:
     """One check per condition, in the order of the options; a topic's rate and its latching are checks of their own."""
     checks = [check_node(graph, name) for name in conditions.nodes]
@@ -94,24 +98,39 @@ def evaluate(
     checks += [check_service(graph, name) for name in conditions.services]
     checks += [check_action(graph, action) for action in conditions.actions]
     checks += [check_edge(graph, edge) for edge in conditions.edges]
-    return checks + [check_absent(graph, name) for name in conditions.absent]
+    checks += [check_absent(graph, name) for name in conditions.absent]
+    silent = (Check("value", str(value), WAIT, "nobody listens to it") for value in conditions.values)
+    return [*checks, *(ears(graph) if ears else silent)]
 
 
 def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
     """The checks when there is no master to ask: itself, and every condition as not known."""
-    unknown = [*evaluate(Graph(), conditions), *_values(Graph(), conditions, None)]
-    told = [Check(check.kind, check.name, WAIT, "not known without the master") for check in unknown]
+    unknown = evaluate(Graph(), conditions)
+    told = (Check(check.kind, check.name, WAIT, "not known without the master") for check in unknown)
     return [Check("master", uri, WAIT, why), *told]
 
 
 # ---- one look
 
 
-class Ears(Protocol):
-    """What messages say; `listener.Listener` of the conditions' own values is one."""
+class Silence:
+    """Since when each node has not answered, from look to look: one late answer takes nobody out of the graph.
 
-    def checks(self, graph: Graph) -> list[Check]:
-        """One check per value."""
+    Any answer ends that, and so does a look that had nothing to ask of it. Startup probe and gate both look through it,
+    so that a peer counts as gone for both after the same time.
+    """
+
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        self.now = now
+        self.since: dict[str, float] = {}
+
+    def noted(self, graph: Graph, began: float) -> Graph:
+        """The graph, of which each node knows for how long it has been silent. `began`: when they were asked."""
+        silent = [node for node in graph.nodes.values() if node.asked and not node.reachable]
+        self.since = {node.name: self.since.get(node.name, began) for node in silent}
+        ended = self.now()
+        nodes = {node.key: replace(node, silent=ended - self.since[node.name]) for node in silent}
+        return replace(graph, nodes={**graph.nodes, **nodes}) if nodes else graph
 
 
 @dataclass(frozen=True)
@@ -161,29 +180,20 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
     hear what messages say, if any are asked for.
     """
     silence = silence or Silence()
-    answers = Check("master", ros.uri, PASS, "answers")
     seconds, only = rate_plan(conditions)
+
+    def seen(rates: Mapping[str, Rate] | None = None, said: Said | None = None) -> tuple[Graph, list[Check]]:
+        state = ros.state(types=any(topic.type for topic in conditions.topics))
+        began = silence.now()
+        graph = silence.noted(ros.ask(state, questions(state, conditions)), began)
+        return graph, [Check("master", ros.uri, PASS, "answers"), *evaluate(graph, conditions, rates, said, ears)]
+
     try:
-        graph = _ask(ros, conditions, silence)
-        checks = [answers, *evaluate(graph, conditions), *_values(graph, conditions, ears)]
-        last = [check for check in checks if check.kind in _STREAMED]
-        if last and all(check.verdict == PASS for check in checks if check not in last):
+        graph, checks = seen()
+        streamed = [check for check in checks if check.kind in _STREAMED]
+        if streamed and all(check.verdict == PASS for check in checks if check not in streamed):
             rates = ros.rates(_by(graph, only), seconds) if seconds else {}
-            said = handshakes(ros, graph, conditions)
-            graph = _ask(ros, conditions, silence)
-            checks = [answers, *evaluate(graph, conditions, rates, said), *_values(graph, conditions, ears)]
+            _graph, checks = seen(rates, handshakes(ros, graph, conditions))
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)
     return Look(overall([check.verdict for check in checks]), checks)
-
-
-def _values(graph: Graph, conditions: Conditions, ears: Ears | None) -> list[Check]:
-    if ears is not None:
-        return ears.checks(graph)
-    return [Check("value", str(value), WAIT, "nobody listens to it") for value in conditions.values]
-
-
-def _ask(ros: Backend, conditions: Conditions, silence: Silence) -> Graph:
-    state = ros.state(types=any(topic.type for topic in conditions.topics))
-    began = silence.now()
-    return silence.noted(ros.ask(state, questions(state, conditions)), began)

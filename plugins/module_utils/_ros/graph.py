@@ -8,12 +8,10 @@ Pure, and the same for every kind of ROS: nothing here opens a connection or kno
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Collection, Iterable, Mapping, NamedTuple, Tuple
 from urllib.parse import urlsplit
-
-from .._common.documents import Data, Document
 
 ANY_TYPE = "*"  # what a node says that takes any message type
 # s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
@@ -26,8 +24,6 @@ GOAL_STATES = {
     2: "PREEMPTED", 3: "SUCCEEDED", 4: "ABORTED", 5: "REJECTED", 8: "RECALLED", 9: "LOST",
 }  # fmt: skip
 BUSY_STATES = frozenset({0, 1, 6, 7})
-
-Registrations = Mapping[str, "tuple[str, ...]"]
 
 
 class NodeKey(NamedTuple):
@@ -51,78 +47,7 @@ def names_of(keys: Iterable[NodeKey]) -> list[str]:
     return list(dict.fromkeys(key.name for key in keys))
 
 
-# ---- what is asked, and what comes back
-
-
-@dataclass(frozen=True)
-class MasterState:
-    """Who registered what: topic or service -> names of nodes. It says nothing about who is alive."""
-
-    publishers: Registrations = field(default_factory=dict)
-    subscribers: Registrations = field(default_factory=dict)
-    services: Registrations = field(default_factory=dict)
-    types: Mapping[str, str] = field(default_factory=dict)
-
-    def nodes(self) -> list[str]:
-        return names_of(self.graph.nodes)
-
-    def of(self, node: str, part: Registrations) -> tuple[str, ...]:
-        """What a node has of one of the three parts of this state."""
-        return next(names.get(node, ()) for whole, names in self._by_node if whole is part)
-
-    def servers(self, action: str) -> tuple[str, ...]:
-        """The nodes with everything that a server of that action has."""
-        return tuple(names_of(self.graph.action(action).servers))
-
-    @cached_property
-    def _by_node(self) -> list[tuple[Registrations, Mapping[str, tuple[str, ...]]]]:
-        """Each part the other way round: made once for all nodes, of which a large graph has many."""
-        return [(part, _turned(part)) for part in (self.publishers, self.subscribers, self.services)]
-
-    @cached_property
-    def graph(self) -> Graph:
-        """The graph as it is registered: nobody asked, nobody known to be connected."""
-        published, subscribed, served = (names for _part, names in self._by_node)
-        keys = {name: NodeKey(name) for name in sorted({*published, *subscribed, *served})}
-        nodes = {
-            key: Node(
-                name,
-                publications=published.get(name, ()),
-                subscriptions=subscribed.get(name, ()),
-                services=served.get(name, ()),
-            )
-            for name, key in keys.items()
-        }
-
-        def ends(part: Registrations, name: str) -> Keys:
-            return tuple(keys[node] for node in part.get(name, ()))
-
-        topics = {
-            name: Topic(name, self.types.get(name, ""), ends(self.publishers, name), ends(self.subscribers, name))
-            for name in sorted({*self.publishers, *self.subscribers})
-        }
-        services = {name: Service(name, ends(self.services, name)) for name in self.services}
-        found = Graph(nodes, topics, services)
-        actions = (found.action(name[: -len("/status")]) for name in topics if name.endswith("/status"))
-        return replace(found, actions={action.name: action for action in actions if action.servers})
-
-
-def _turned(part: Registrations) -> dict[str, tuple[str, ...]]:
-    """Name -> nodes as node -> names."""
-    found: dict[str, list[str]] = {}
-    for name in sorted(part):
-        for node in dict.fromkeys(part[name]):
-            found.setdefault(node, []).append(name)
-    return {node: tuple(names) for node, names in found.items()}
-
-
-@dataclass(frozen=True)
-class Questions:
-    """What one look has to find out. `nodes`: node -> what to ask beside its process id ("bus", "types")."""
-
-    nodes: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    services: tuple[str, ...] = ()
-    actions: tuple[str, ...] = ()
+# ---- what comes back where somebody is asked
 
 
 @dataclass(frozen=True)
@@ -310,7 +235,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Graph:
-    """What every reader of a ROS graph is handed. JSON is made of it, and read, by `as_dict` and `from_dict` alone.
+    """What every reader of a ROS graph is handed. JSON is made of it, and read, by `graph_json` alone.
 
     Whatever names a node, as a topic its publishers, has its key. Who knows a name only asks `named`, or `node`.
     """
@@ -407,15 +332,10 @@ class Graph:
             return replace(topic, publishers=ends[0], subscribers=ends[1], connections=tuple(edges))
 
         services = {name: replace(one, providers=new(one.providers)) for name, one in self.services.items()}
-        actions = {
-            name: replace(
-                one,
-                servers=new(one.servers),
-                clients=new(one.clients),
-                statuses=dict(zip(new(one.statuses), one.statuses.values())),
-            )
-            for name, one in self.actions.items()
-        }
+        actions = {}
+        for name, one in self.actions.items():
+            statuses = dict(zip(new(one.statuses), one.statuses.values()))
+            actions[name] = replace(one, servers=new(one.servers), clients=new(one.clients), statuses=statuses)
         topics = {name: told(topic) for name, topic in self.topics.items()}
         return Graph({**dict(zip(new(self.nodes), self.nodes.values())), **said}, topics, services, actions)
 
@@ -430,63 +350,6 @@ class Graph:
         topics = {name: _measured(topic, rates.get(name), said.get(name)) for name, topic in self.topics.items()}
         services = {name: replace(one, connections=open_.get(name)) for name, one in self.services.items()}
         return replace(self, topics=topics, services=services)
-
-    # ---- JSON
-
-    def as_dict(self, definitions: bool = False) -> Data:
-        """The graph as JSON-able data, the shape that ros_graph_info returns. Nodes are called by their names alone."""
-        return {
-            "nodes": {name: _node_dict(self.node(name)) for name in self.names},
-            "topics": {name: _topic_dict(topic, definitions) for name, topic in sorted(self.topics.items())},
-            "services": {name: _service_dict(service) for name, service in sorted(self.services.items())},
-            "actions": {name: _action_dict(action) for name, action in sorted(self.actions.items())},
-        }
-
-    @classmethod
-    def from_dict(cls, data: Document) -> Graph:
-        """What `as_dict` made, or somebody wrote by hand: what is missing is not known.
-
-        AttributeError, KeyError, TypeError or ValueError where it is no graph.
-        """
-        nodes = {name: _node_of(name, one) for name, one in data.get("nodes", {}).items()}
-
-        def key(name: str) -> NodeKey:
-            return nodes[name].key if name in nodes else NodeKey(name)
-
-        def keys(names: Iterable[str] | None) -> Keys:
-            return tuple(key(name) for name in names or ())
-
-        topics = {
-            name: Topic(
-                name,
-                one.get("type") or "",
-                keys(one.get("publishers")),
-                keys(one.get("subscribers")),
-                tuple((key(edge["publisher"]), key(edge["subscriber"])) for edge in one.get("connections") or ()),
-                one.get("rate"),
-                {key(node): hz for node, hz in (one.get("rates") or {}).items()},
-                keys(one.get("latched")),
-                one.get("rate_error") or "",
-                one.get("md5sum") or "",
-                one.get("definition"),
-            )
-            for name, one in data.get("topics", {}).items()
-        }
-        services = {
-            name: Service(name, keys(one.get("providers")), _probe_of(one), one.get("connections"))
-            for name, one in data.get("services", {}).items()
-        }
-        actions = {
-            name: Action(
-                name,
-                one.get("type") or "",
-                servers := keys(one.get("servers")),
-                keys(one.get("clients")),
-                _statuses_of(one, servers),
-            )
-            for name, one in data.get("actions", {}).items()
-        }
-        return cls({node.key: node for node in nodes.values()}, topics, services, actions)
 
 
 def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:
@@ -503,97 +366,9 @@ def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:
     )
 
 
-def _node_dict(node: Node) -> Data:
-    said = {"uri": node.uri, "pid": node.pid, "reachable": node.reachable, "error": node.error, "refused": node.refused}
-    has = {"publications": node.publications, "subscriptions": node.subscriptions, "services": node.services}
-    return {**said, **{part: list(names) for part, names in has.items()}}
-
-
-def _node_of(name: str, data: Document) -> Node:
-    uri, error, refused = data.get("uri") or "", data.get("error") or "", bool(data.get("refused"))
-    pid = data.get("pid") if data.get("reachable", True) else None
-    has = [tuple(data.get(part) or ()) for part in ("publications", "subscriptions", "services")]
-    return Node(name, uri, pid, bool(uri or error), error, has[0], has[1], has[2], refused=refused)
-
-
-def _topic_dict(topic: Topic, definitions: bool) -> Data:
-    ends = {"publishers": topic.publishers, "subscribers": topic.subscribers, "latched": topic.latched}
-    text = {"definition": topic.definition} if definitions and topic.definition is not None else {}
-    return {
-        "type": topic.type,
-        "md5sum": topic.md5sum or None,
-        **{role: names_of(keys) for role, keys in ends.items()},
-        "connections": [{"publisher": key.name, "subscriber": peer.name} for key, peer in topic.connections],
-        "rate": topic.rate,
-        "rates": {key.name: hz for key, hz in topic.rates.items()},
-        "rate_error": topic.rate_error,
-        **text,
-    }
-
-
-def _service_dict(service: Service) -> Data:
-    said = asdict(service.said)
-    return {"providers": names_of(service.providers), **said, "up": service.up, "connections": service.connections}
-
-
-def _probe_of(data: Document) -> ServiceProbe | None:
-    parts = {part: data.get(part) or "" for part in ("uri", "provider", "type", "error", "md5sum")}
-    return ServiceProbe(**parts) if data.get("up", bool(parts["uri"])) or parts["error"] else None
-
-
-def _action_dict(action: Action) -> Data:
-    states = [GOAL_STATES.get(state, str(state)) for listed in action.goals.values() for state in listed]
-    return {
-        "type": action.type,
-        "servers": names_of(action.servers),
-        "clients": names_of(action.clients),
-        "up": action.up,
-        "busy": action.busy,
-        "goals": {state: states.count(state) for state in sorted(set(states))},
-    }
-
-
-def _statuses_of(data: Document, servers: Keys) -> dict[NodeKey, StatusReading]:
-    """JSON does not say whose an action's goals are: they are the first server's."""
-    numbers = {word: number for number, word in GOAL_STATES.items()}
-    told = (data.get("goals") or {}).items()
-    goals = tuple(numbers[word] if word in numbers else int(word) for word, count in told for _one in range(count))
-    return {servers[0]: StatusReading((goals,))} if data.get("up") and servers else {}
-
-
-# ---- what a look asks for
-
-
 def host_of(uri: str) -> str:
     """The host of a URI; nothing where it has none."""
     try:
         return urlsplit(uri).hostname or ""
     except ValueError:
         return ""
-
-
-def everything(state: MasterState) -> Questions:
-    """The questions for a picture of the whole graph."""
-    return Questions(
-        {name: frozenset({"bus"}) for name in state.nodes()},
-        tuple(sorted(state.services)),
-        tuple(state.graph.actions),
-    )
-
-
-def around(state: MasterState, nodes: Iterable[str]) -> Questions:
-    """The questions for these nodes' part of the graph: themselves, their services, those they exchange messages with.
-
-    And every action: one that was not asked must not look idle.
-    """
-    own = [name for name in dict.fromkeys(nodes) if state.graph.named(name)]
-    asked = {name: frozenset({"bus"}) for name in own}
-    for name in own:
-        for topic in state.of(name, state.subscribers):
-            asked.update(dict.fromkeys(state.publishers.get(topic, ()), frozenset({"bus"})))
-    for name in own:
-        for topic in state.of(name, state.publishers):
-            for peer in state.subscribers.get(topic, ()):
-                asked.setdefault(peer, frozenset())
-    services = [service for name in own for service in state.of(name, state.services)]
-    return Questions(asked, tuple(sorted(dict.fromkeys(services))), tuple(state.graph.actions))

@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The fields of a message, by the definition that its publisher hands over in its handshake. Pure.
+"""What messages say: their fields, by the definition that a publisher hands over in its handshake, and what a condition
+makes of what was heard of a topic. Pure: time is told to it.
 
 A definition (ROS' `gendeps --cat`) is the text of the type itself and, after a line of 80 `=` and `MSG: package/Type`
 each, of the types within it. A message (wiki: msg) is its fields one after the other, little-endian and without
@@ -11,13 +12,18 @@ publisher is not trusted: what does not fit is a RosError.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
-from dataclasses import dataclass
-from typing import Any, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Iterator, Mapping
 
-from .._common.documents import Data
+from .._common.documents import Data, Document
 from .._common.errors import RosError
+from .._common.poll import FAIL, PASS, WAIT
+from .checks import Check, listed
+from .conditions import ValueCondition
+from .graph import Graph, names_of
 from .tcpros import Reader
 
 NUMBERS = {
@@ -27,6 +33,7 @@ NUMBERS = {
 TIMES = {"time": "<II", "duration": "<ii"}
 HEADER = "std_msgs/Header"
 MOST = 10_000  # values of a message, lists aside: no robot's has as many, and some other might never be read to its end
+CLOSE = 1e-6  # of a number that a message has with 32 bits, to the one that is written in a condition
 _SEPARATOR = re.compile(r"^={80}\nMSG: *", re.MULTILINE)
 _FIELD = re.compile(r"([\w/]+)(\[(\d*)\])?[ \t]+(\w+)[ \t]*\Z", re.ASCII)
 _STEP = re.compile(r"(\w+)|\[(\d+)\]", re.ASCII)
@@ -80,17 +87,17 @@ class Definition:
             return seconds + nanoseconds / 1e9
         if kind == "string":
             return reader.text()
-        return {field.name: self._field(field, reader) for field in self.types[kind]}
+        return {one.name: self._field(one, reader) for one in self.types[kind]}
 
-    def _field(self, field: Field, reader: Reader) -> Any:
-        if not field.is_list:
-            return self._one(field.kind, reader)
-        count = reader.uint32() if field.length is None else field.length
+    def _field(self, one: Field, reader: Reader) -> Any:
+        if not one.is_list:
+            return self._one(one.kind, reader)
+        count = reader.uint32() if one.length is None else one.length
         if count > reader.left:  # each of them has a byte at least
-            raise RosError(f"the message ends early: {count} of {field.name} expected, {reader.left} bytes there")
-        if field.kind in NUMBERS:
-            return _numbers(reader, NUMBERS[field.kind], count)
-        return tuple(self._one(field.kind, reader) for _number in range(count))
+            raise RosError(f"the message ends early: {count} of {one.name} expected, {reader.left} bytes there")
+        if one.kind in NUMBERS:
+            return _numbers(reader, NUMBERS[one.kind], count)
+        return tuple(self._one(one.kind, reader) for _number in range(count))
 
 
 def value_at(message: Any, path: str) -> Any:
@@ -147,3 +154,92 @@ def _full(kind: str, package: str) -> str:
 
 def _numbers(reader: Reader, code: str, count: int) -> tuple[Any, ...]:
     return struct.unpack(f"<{count}{code}", reader.take(count * struct.calcsize(f"<{code}")))
+
+
+# ---- what was heard
+
+
+@dataclass
+class Heard:
+    """Of one condition's topic, since somebody listens. Times are by a clock that nobody sets."""
+
+    condition: ValueCondition
+    since: float
+    value: Any = None  # of the condition's field, or the whole message
+    came: float | None = None  # when the last message did
+    stirred: float | None = None  # when the last one did that is not all zeros,
+    stir: Any = None  # and what it was
+    wrong: str = ""  # what its publisher itself says against the condition
+    unheard: Mapping[str, str] = field(default_factory=dict)  # publisher -> why it cannot be heard
+
+    def take(self, message: Document, now: float, wrong: str = "") -> None:
+        """A message came; or one that cannot be read, and why."""
+        self.came, self.wrong, self.value = now, wrong, message
+        if self.condition.field and not wrong:
+            try:
+                self.value = value_at(message, self.condition.field)
+            except RosError as error:
+                self.wrong = str(error)
+        if self.condition.seconds and (self.wrong or not self._zero()):
+            self.stirred, self.stir = now, self.value
+
+    def _zero(self) -> bool:
+        """NaN is none."""
+        return all(abs(number) <= self.condition.tolerance for number in numbers(self.value))
+
+    def forget(self) -> None:
+        """Whoever said it is gone: what it said last may not be so any more."""
+        self.value, self.came, self.wrong = None, None, ""
+
+
+def check_value(graph: Graph, heard: Heard, now: float) -> Check:
+    """Who cannot be heard may say anything: that is waited for."""
+    wanted = heard.condition
+    publishers = names_of(graph.topic(wanted.topic).publishers)
+    observed: Data = {"publishers": publishers}
+    if heard.unheard:
+        told = listed(f"{node} ({why})" for node, why in heard.unheard.items())
+        verdict, reason = WAIT, f"not known, as publishers cannot be heard: {told}"
+    elif heard.wrong:
+        verdict, reason = FAIL, heard.wrong
+    elif wanted.seconds:
+        verdict, reason = _span(heard, now)
+    elif heard.came is None:
+        verdict, reason = WAIT, f"no message in {now - heard.since:.1f} s" if publishers else "nobody publishes it"
+    else:
+        observed["value"] = heard.value if isinstance(heard.value, (int, float)) else _short(heard.value)
+        good = _is_within(wanted, heard.value)
+        verdict, reason = PASS if good else WAIT, f"is {_short(heard.value)}{'' if good else f', not {wanted.bounds}'}"
+    return Check("value", str(wanted), verdict, reason, observed)
+
+
+def _span(heard: Heard, now: float) -> tuple[str, str]:
+    wanted = heard.condition
+    seconds = wanted.seconds
+    calm = now - (heard.since if heard.stirred is None else heard.stirred)
+    silent = heard.came is None or now - heard.came > seconds
+    if calm < seconds:
+        since = "since it is listened to" if heard.stirred is None else f"since {_short(heard.stir)} came"
+        return WAIT, f"{calm:.1f} s of {seconds:g} s {since}"
+    if wanted.still and silent:
+        return WAIT, f"not known: no message in {seconds:g} s"
+    return PASS, f"{'nothing' if silent else 'nothing but zeros'} in {calm:.1f} s"
+
+
+def _is_within(wanted: ValueCondition, value: Any) -> bool:
+    if wanted.equals is not None:
+        return _equal(value, wanted.equals)
+    if not isinstance(value, (int, float)):
+        return False
+    return (wanted.above is None or value > wanted.above) and (wanted.below is None or value < wanted.below)
+
+
+def _equal(value: Any, wanted: Any) -> bool:
+    if isinstance(value, (int, float)) and isinstance(wanted, (int, float)):
+        return math.isclose(value, wanted, rel_tol=CLOSE)
+    return bool(value == wanted)
+
+
+def _short(value: Any) -> str:
+    text = f"{value:g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -16,7 +16,7 @@ import xmlrpc.client
 from typing import Any, Callable, Mapping
 
 from .._common.errors import RosError
-from .bodies import loads
+from .replies import loads
 from .rpc import Deadline, TimedSocket
 from .streams import hang_up
 from .tcpros import decode_header, encode_header

@@ -9,17 +9,15 @@ The only code that changes a ROS graph for somebody else.
 from __future__ import annotations
 
 import errno
-import xmlrpc.client
 from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from . import registrations
-from .graph import MasterState
-from .master import Master
+from .backend import MasterState
 from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
 from .replies import topic_types
-from .rpc import Api, Deadline, in_parallel, reason, tell_publishers
+from .rpc import Api, Deadline, Master, in_parallel, reason, tell_publishers
 from .transport import greet
 
 # Of an address whose kernel says that nothing is there; a time-out says only that nothing came in time.
@@ -93,7 +91,8 @@ class Registrar(Master):
             pid = api.process()
             if not own_word:
                 return Liveness(ALIVE, "", pid)
-            publications, subscriptions = (_names(api, method) for method in ("getPublications", "getSubscriptions"))
+            told = [api.optional(method) for method in ("getPublications", "getSubscriptions")]
+        publications, subscriptions = (None if one is None else frozenset(topic_types(one)) for one in told)
         services = frozenset(
             service for service, uri in entry.services.items() if self._serves(name, service, uri, deadline)
         )
@@ -106,11 +105,3 @@ class Registrar(Master):
         except (OSError, RosError):
             return False
         return reply.get("callerid", node) == node
-
-
-def _names(api: Api, method: str) -> frozenset[str] | None:
-    """Topics that the node says it has; None if it does not know the call."""
-    try:
-        return frozenset(topic_types(api.call(method)))
-    except (RosError, xmlrpc.client.Fault):
-        return None

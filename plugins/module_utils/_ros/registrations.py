@@ -10,20 +10,21 @@ process of the same name registered is that one's, and a node that is only slow 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Callable, Iterable, Mapping, Sequence
 
 from .._common.documents import Data, Document
-from .graph import ANY_TYPE, Graph, MasterState
+from .backend import MasterState
+from .graph import ANY_TYPE, Graph, Node
 
 ALIVE = "alive"
 DEAD = "dead"  # its address refuses connections or cannot be reached
 UNKNOWN = "unknown"  # it is late, or its name does not resolve: no reason to think that it is gone
 
 PUBLISHER, SERVICE, SUBSCRIBER = "publisher", "service", "subscriber"
-# Restored in this order: a subscriber is told of all publishers at once, because roscpp drops a connection to one that
-# the list does not have.
-KINDS = (PUBLISHER, SERVICE, SUBSCRIBER)
+# What a node has of each kind. Restored in this order: a subscriber is told of all publishers at once, because roscpp
+# drops a connection to one that the list does not have.
+KINDS = {PUBLISHER: "publications", SERVICE: "services", SUBSCRIBER: "subscriptions"}
 
 
 @dataclass(frozen=True)
@@ -37,20 +38,23 @@ class Entry:
     services: Mapping[str, str] = field(default_factory=dict)
 
     def as_dict(self) -> Data:
-        return {
-            "uri": self.uri,
-            "pid": self.pid,
-            "publications": dict(sorted(self.publications.items())),
-            "subscriptions": dict(sorted(self.subscriptions.items())),
-            "services": dict(sorted(self.services.items())),
-        }
+        return {**asdict(self), **{part: dict(sorted(getattr(self, part).items())) for part in KINDS.values()}}
 
     @property
     def empty(self) -> bool:
-        return not (self.publications or self.subscriptions or self.services)
+        return not any(map(self.part, KINDS))
 
     def part(self, kind: str) -> Mapping[str, str]:
-        return {PUBLISHER: self.publications, SERVICE: self.services, SUBSCRIBER: self.subscriptions}[kind]
+        found: Mapping[str, str] = getattr(self, KINDS[kind])
+        return found
+
+    def only(self, stays: Callable[[str, str], bool]) -> Entry:
+        """With what stays of it alone, by kind and name."""
+        parts: Data = {
+            part: {name: detail for name, detail in self.part(kind).items() if stays(kind, name)}
+            for kind, part in KINDS.items()
+        }
+        return replace(self, **parts)
 
 
 Snapshot = Mapping[str, Entry]  # node -> what it has registered
@@ -103,46 +107,28 @@ class Plan:
 
 
 def from_graph(graph: Graph) -> dict[str, Entry]:
-    """The registrations in a graph."""
-
-    def types(names: Iterable[str]) -> dict[str, str]:
-        return {name: graph.topic(name).type or ANY_TYPE for name in names}
-
+    """The registrations in a graph; a node without an address has nothing that could be compared."""
     uris = {name: service.said.uri for name, service in graph.services.items()}
-    return {
-        node.name: Entry(
-            node.uri,
-            node.pid,
-            types(node.publications),
-            types(node.subscriptions),
-            {name: uris[name] for name in node.services if uris.get(name)},
-        )
-        for node in graph.nodes.values()
-        if node.uri
-    }
+    return {node.name: _entry(graph, node, uris) for node in graph.nodes.values() if node.uri}
 
 
 def from_master(state: MasterState, uris: Mapping[str, str], service_uris: Mapping[str, str]) -> dict[str, Entry]:
-    """What the master has; a node without an address has nothing that could be compared."""
-    entries: dict[str, Entry] = {}
-    for node, uri in uris.items():
-        entries[node] = Entry(
-            uri,
-            None,
-            {topic: state.types.get(topic, ANY_TYPE) for topic in state.of(node, state.publishers)},
-            {topic: state.types.get(topic, ANY_TYPE) for topic in state.of(node, state.subscribers)},
-            {name: service_uris[name] for name in state.of(node, state.services) if name in service_uris},
-        )
-    return entries
+    """What the master has of the nodes with an address."""
+    graph = state.graph
+    return {name: _entry(graph, replace(graph.node(name), uri=uri), service_uris) for name, uri in uris.items()}
+
+
+def _entry(graph: Graph, node: Node, uris: Mapping[str, str]) -> Entry:
+    def types(names: Iterable[str]) -> dict[str, str]:
+        return {name: graph.topic(name).type or ANY_TYPE for name in names}
+
+    services = {name: uris[name] for name in node.services if uris.get(name)}
+    return Entry(node.uri, node.pid, types(node.publications), types(node.subscriptions), services)
 
 
 def from_dict(data: Document) -> Entry:
     """The reverse of Entry.as_dict()."""
     return Entry(data["uri"], data["pid"], data["publications"], data["subscriptions"], data["services"])
-
-
-def service_addresses(snapshot: Snapshot) -> dict[str, str]:
-    return {service: uri for entry in snapshot.values() for service, uri in entry.services.items()}
 
 
 # ---- what is missing
@@ -154,28 +140,18 @@ def missing(wanted: Snapshot, present: Snapshot, take_services: bool = False) ->
     A service has one provider. With `take_services` it is missing wherever it points elsewhere than wanted, else only
     where it points nowhere.
     """
-    addresses = service_addresses(present)
-    found: dict[str, Entry] = {}
-    for node, entry in wanted.items():
-        there = present.get(node, Entry(entry.uri))
-        same = there.uri == entry.uri
-        need = replace(
-            entry,
-            publications=_without(entry.publications, there.publications if same else {}),
-            subscriptions=_without(entry.subscriptions, there.subscriptions if same else {}),
-            services={
-                name: uri
-                for name, uri in entry.services.items()
-                if (addresses.get(name) != uri if take_services else name not in addresses)
-            },
-        )
-        if not need.empty:
-            found[node] = need
-    return found
+    addresses = {service: uri for entry in present.values() for service, uri in entry.services.items()}
+    found = {node: _lacking(entry, present.get(node), addresses, take_services) for node, entry in wanted.items()}
+    return {node: need for node, need in found.items() if not need.empty}
 
 
-def _without(wanted: Mapping[str, str], there: Mapping[str, str]) -> dict[str, str]:
-    return {name: detail for name, detail in wanted.items() if name not in there}
+def _lacking(entry: Entry, there: Entry | None, addresses: Mapping[str, str], take_services: bool) -> Entry:
+    def lacks(kind: str, name: str) -> bool:
+        if kind == SERVICE:
+            return addresses.get(name) != entry.services[name] if take_services else name not in addresses
+        return there is None or there.uri != entry.uri or name not in there.part(kind)
+
+    return entry.only(lacks)
 
 
 # ---- decisions
@@ -219,17 +195,11 @@ def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness]) 
 def _own_word(entry: Entry, answer: Liveness) -> tuple[Entry, list[str]]:
     """The part of an entry that the node confirms, and the names of the rest."""
 
-    def kept(part: Mapping[str, str], own: frozenset[str] | None) -> dict[str, str]:
-        return {name: detail for name, detail in part.items() if own is None or name in own}
+    def has(kind: str, name: str) -> bool:
+        own = getattr(answer, KINDS[kind])
+        return own is None or name in own
 
-    confirmed = replace(
-        entry,
-        publications=kept(entry.publications, answer.publications),
-        subscriptions=kept(entry.subscriptions, answer.subscriptions),
-        services=kept(entry.services, answer.services),
-    )
-    left = [name for kind in KINDS for name in entry.part(kind) if name not in confirmed.part(kind)]
-    return confirmed, sorted(set(left))
+    return entry.only(has), sorted({name for kind in KINDS for name in entry.part(kind) if not has(kind, name)})
 
 
 def remove(present: Snapshot, answers: Sequence[Mapping[str, Liveness]]) -> Plan:
@@ -258,30 +228,23 @@ def _ordered(entries: Snapshot, remove: bool = False) -> tuple[Call, ...]:
 # ---- what becomes of it
 
 
-def after(present: Snapshot, calls: Iterable[Call]) -> dict[str, Entry]:
-    """The registrations once the calls are made, as far as the calls' nodes and services go."""
-    result = {node: entry.as_dict() for node, entry in present.items()}
+def difference(present: Snapshot, calls: Iterable[Call]) -> Data:
+    """The module's diff: the registrations that change, before and after."""
+    before, after = ({node: _shown(entry) for node, entry in present.items()} for _copy in range(2))
     for call in calls:
-        key = {PUBLISHER: "publications", SERVICE: "services", SUBSCRIBER: "subscriptions"}[call.kind]
+        part = KINDS[call.kind]
         if call.remove:
-            result[call.node][key].pop(call.name, None)
+            after[call.node][part].pop(call.name, None)
             continue
         if call.kind == SERVICE:  # one provider: the last one
-            for entry in result.values():
-                entry["services"].pop(call.name, None)
-        result.setdefault(call.node, Entry(call.uri).as_dict())[key][call.name] = call.detail
+            for entry in after.values():
+                entry[part].pop(call.name, None)
+        after.setdefault(call.node, _shown(Entry(call.uri)))[part][call.name] = call.detail
+    after = {node: entry for node, entry in after.items() if any(entry[part] for part in KINDS.values())}
+    changed = sorted(node for node in {*before, *after} if before.get(node) != after.get(node))
     return {
-        node: entry for node, entry in ((node, from_dict(data)) for node, data in result.items()) if not entry.empty
-    }
-
-
-def difference(present: Snapshot, calls: Sequence[Call]) -> Data:
-    """The module's diff: the registrations that change, before and after."""
-    then = after(present, calls)
-    nodes = sorted(node for node in {*present, *then} if present.get(node) != then.get(node))
-    return {
-        "before": {node: _shown(present[node]) for node in nodes if node in present},
-        "after": {node: _shown(then[node]) for node in nodes if node in then},
+        "before": {node: before[node] for node in changed if node in before},
+        "after": {node: after[node] for node in changed if node in after},
     }
 
 

@@ -1,19 +1,59 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROS 1's replies -> the graph. Pure: nothing here opens a connection.
+"""ROS 1's replies -> the graph. Pure: nothing here opens a connection, and whoever reads bytes bounds their number.
 
-Replies come in as plain lists, as either client library gives them, from peers that may be wrong: a row that makes no
-sense is left out, never an exception.
+Replies come in as either client library gives them, from peers that may be hostile, or only wrong: what could do harm
+is an error, a row that makes no sense is left out.
 """
 
 from __future__ import annotations
 
+import xmlrpc.client
 from dataclasses import dataclass, replace
-from typing import Any, Iterable, Mapping
+from typing import Any, Callable, Iterable, Mapping
+from xml.parsers import expat
 
 from .._common.errors import RefusalError, RosError
-from .graph import Connection, Graph, MasterState, Node, NodeKey, ServiceProbe, StatusReading
+from .backend import MasterState
+from .graph import Connection, Graph, Node, NodeKey, ServiceProbe, StatusReading
+
+DIGITS = 20  # of the least number of 64 bits, with its sign
+
+
+class _Values(xmlrpc.client.Unmarshaller):
+    """The library's, with whole numbers that end."""
+
+    dispatch: dict[str, Callable[..., None]] = dict(xmlrpc.client.Unmarshaller.dispatch)  # noqa: RUF012 - inherited
+
+    def end_number(self, data: str) -> None:
+        if len(data.strip()) > DIGITS:
+            raise RosError(f"a number has more than {DIGITS} digits")
+        self.end_int(data)
+
+    for _tag in ("i1", "i2", "i4", "i8", "int", "biginteger"):
+        dispatch[_tag] = end_number
+
+
+def loads(body: bytes) -> tuple[Any, str | None]:
+    """As xmlrpc.client's `loads`: the parameters, and the method of a call; RosError on what is made to do harm.
+
+    The library's own parser expands entities, so that a few hundred bytes become as much memory as the peer wants, and
+    reads numbers of any length, which takes the square of the length. No ROS peer needs either.
+    """
+    values = _Values()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = values.start
+    parser.EndElementHandler = values.end
+    parser.CharacterDataHandler = values.data
+    parser.StartDoctypeDeclHandler = _refuse  # entities are declared in a document type alone
+    values.xml("", None)  # expat hands on text, which nobody has to decode
+    parser.Parse(body, True)
+    return values.close(), values.getmethodname()
+
+
+def _refuse(*_: Any) -> None:
+    raise RosError("a document type or entities are declared, which no ROS peer does")
 
 
 @dataclass(frozen=True)
@@ -90,14 +130,14 @@ def shared_uris(uris: Mapping[str, str]) -> frozenset[str]:
 
 
 def _node(state: MasterState, name: str, answer: NodeAnswer, doubtful: bool) -> Node:
-    published, subscribed = state.of(name, state.publishers), state.of(name, state.subscribers)
-    services = state.of(name, state.services)
+    has = state.graph.node(name)
     own = {**topic_types(answer.subscriptions), **topic_types(answer.publications)}
     pid, error = answer.pid, answer.error
-    if doubtful and pid is not None and any(topic not in own for topic in (*published, *subscribed)):
+    if doubtful and pid is not None and any(topic not in own for topic in (*has.publications, *has.subscriptions)):
         pid, error = None, f"another node answers at {answer.uri}: a stale registration"
     bus = connections(answer.bus) if pid is not None and answer.bus is not None else None
-    return Node(name, answer.uri, pid, True, error, published, subscribed, services, own, bus, answer.refused)
+    said = replace(has, uri=answer.uri, pid=pid, asked=True, error=error, refused=answer.refused)
+    return replace(said, own_types=own, connections=bus)
 
 
 def build(
@@ -115,19 +155,13 @@ def build(
         for one in node.connections or ():
             if one.direction != "i" and one.connected and one.topic in graph.topics:
                 edges.setdefault(one.topic, set()).add((node.key, graph.node(one.peer).key))
-    connected = {name: replace(graph.topics[name], connections=tuple(sorted(found))) for name, found in edges.items()}
-    probed = {
-        name: replace(graph.services[name], probe=probe)
-        for name, probe in (probes or {}).items()
-        if name in graph.services
-    }
-    asked = {
-        name: replace(graph.action(name), statuses={graph.node(server).key: one for server, one in found.items()})
-        for name, found in (statuses or {}).items()
-    }
-    return replace(
-        graph,
-        topics={**graph.topics, **connected},
-        services={**graph.services, **probed},
-        actions={**graph.actions, **asked},
-    )
+    topics, services, actions = dict(graph.topics), dict(graph.services), dict(graph.actions)
+    for name, found in edges.items():
+        topics[name] = replace(topics[name], connections=tuple(sorted(found)))
+    for name, probe in (probes or {}).items():
+        if name in services:
+            services[name] = replace(services[name], probe=probe)
+    for name, read in (statuses or {}).items():
+        of_each = {graph.node(server).key: one for server, one in read.items()}
+        actions[name] = replace(graph.action(name), statuses=of_each)
+    return replace(graph, topics=topics, services=services, actions=actions)

@@ -19,13 +19,12 @@ import re
 import signal
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Any, Callable, Container, Iterable, Mapping, Sequence
+from typing import Any, Callable, Container, Iterable, Mapping
 
 from .._common.documents import Data
 from .graph import Graph, host_of
-from .master import Master
 from .replies import unwrap
-from .rpc import Api, Deadline, in_parallel
+from .rpc import MAX_THREADS, Api, Deadline, Master, in_parallel
 
 URIS = "/roslaunch/uris"  # host_<address with _>__<port> -> URI
 
@@ -72,7 +71,9 @@ def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is fr
     if child.alive or child.exit_code == 0:
         return again
     ended = f"ended with {how(child.exit_code)}" if child.exit_code is not None else ""
-    if child.unexplained and _left_behind(child, graph):
+    # its node is registered at its host, where nothing listens any more
+    left = (node.refused and host_of(node.uri) == child.host for node in graph.named(child.node))
+    if child.unexplained and any(left):
         ended = "died, as its registration is still there"
     return " and ".join(part for part in (again, ended) if part)
 
@@ -95,34 +96,21 @@ def how(exit_code: int) -> str:
         return f"signal {-exit_code}"
 
 
-def _left_behind(child: Child, graph: Graph) -> bool:
-    """Its node is registered at its host, where nothing listens any more."""
-    return any(node.refused and host_of(node.uri) == child.host for node in graph.named(child.node))
-
-
 # ---- asking
 
 
-def children(ros: Master, hosts: Container[str] | None = None) -> list[Child]:
+def children(ros: Master, hosts: Container[str] | None = None, at_once: int = MAX_THREADS) -> list[Child]:
     """The processes of all roslaunch at these addresses (None: wherever they are), by host and name.
 
     One question to the master where nobody ever launched anything. A roslaunch that is gone, or does not answer within
-    the master's time-out, has no processes here. RosError where the master does not answer.
+    the master's time-out, has no processes here. No more than so many are asked `at_once`. RosError where the master
+    does not answer.
     """
-    return asked(ros, list(found(ros, hosts).items()))
-
-
-def found(ros: Master, hosts: Container[str] | None = None) -> dict[str, str]:
-    """URI -> host of the servers at these addresses by the master's word, dead or alive."""
-    return servers(ros.calls([("getParam", ros.caller, URIS)])[0], hosts)
-
-
-def asked(ros: Master, known: Sequence[tuple[str, str]]) -> list[Child]:
-    """The processes of these servers (URI, host), all asked at the same time."""
+    known = servers(ros.calls([("getParam", ros.caller, URIS)])[0], hosts)
     tasks: dict[Any, Callable[[], list[Child]]] = {
-        uri: partial(_ask, uri, host, ros.caller, ros.timeout) for uri, host in known
+        uri: partial(_ask, uri, host, ros.caller, ros.timeout) for uri, host in known.items()
     }
-    answers = in_parallel(tasks, ros.timeout, lambda _uri, _error: [])
+    answers = in_parallel(tasks, ros.timeout, lambda _uri, _error: [], at_once)
     return sorted((child for part in answers.values() for child in part), key=lambda child: (child.host, child.name))
 
 

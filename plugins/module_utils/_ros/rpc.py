@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Asking peers that may be dead, hung or wrong: connections and XML-RPC calls, each with an end.
+"""Asking the master, and peers that may be dead, hung or wrong: connections and XML-RPC calls, each with an end.
 
 A peer gets one deadline for everything that is asked of it, from the connection to the last byte. Peers are asked at
 the same time, and what they send is limited in size.
@@ -11,18 +11,21 @@ from __future__ import annotations
 
 import hashlib
 import http.client
+import math
+import os
 import queue
 import socket
 import threading
 import time
 import xmlrpc.client
 from functools import partial
-from typing import Any, Callable, Mapping, Sequence, Tuple, TypeVar
+from typing import Any, Callable, Iterable, Mapping, Sequence, Tuple, TypeVar
 from urllib.parse import urlsplit
 
+from .._common.documents import Data
 from .._common.errors import RosError
-from .bodies import loads
-from .replies import unwrap
+from .backend import MasterState
+from .replies import loads, master_state, unwrap
 
 MAX_REPLY = 64 * 1024 * 1024  # XML of one reply: that of a graph of 100 robots with 12 nodes each is about 6 MB
 MASTER = "/master"  # the caller id that the master itself uses towards nodes
@@ -155,20 +158,26 @@ def reason(error: BaseException, where: str, seconds: float) -> str:
 
 
 def in_parallel(
-    tasks: Mapping[Any, Callable[[], _Result]], seconds: float, failed: Callable[[Any, BaseException], _Result]
+    tasks: Mapping[Any, Callable[[], _Result]],
+    seconds: float,
+    failed: Callable[[Any, BaseException], _Result],
+    at_once: int = MAX_THREADS,
 ) -> dict[Any, _Result]:
-    """Run the tasks at the same time; one that raises, or is not done in time, becomes `failed(key, error)`.
+    """Run the tasks at the same time, no more than so many `at_once`, each within these seconds from its turn on.
+
+    One that raises, or is not done in time, becomes `failed(key, error)`.
 
     Daemon threads rather than an executor: an executor joins its threads at exit, and a name look-up cannot be
     interrupted, so one dead resolver would hold the whole module.
     """
     todo: queue.SimpleQueue[Any] = queue.SimpleQueue()
     done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    over = threading.Event()
     for key in tasks:
         todo.put(key)
 
     def work() -> None:
-        while True:
+        while not over.is_set():  # a thread that is late begins nothing more
             try:
                 key = todo.get_nowait()
             except queue.Empty:
@@ -178,10 +187,9 @@ def in_parallel(
             except Exception as error:  # whatever an untrusted peer provokes is that peer's result
                 done.put((key, failed(key, error)))
 
-    threads = min(len(tasks), MAX_THREADS)
-    for _thread in range(threads):
+    for _thread in range(min(len(tasks), at_once)):
         threading.Thread(target=work, daemon=True).start()
-    end = time.monotonic() + seconds * -(-len(tasks) // MAX_THREADS) + GRACE
+    end = time.monotonic() + seconds * -(-len(tasks) // at_once) + GRACE
     results: dict[Any, _Result] = {}
     while len(results) < len(tasks):
         try:
@@ -189,6 +197,7 @@ def in_parallel(
         except queue.Empty:
             break
         results[key] = result
+    over.set()
     late = socket.timeout("timed out")
     return {key: results[key] if key in results else failed(key, late) for key in tasks}
 
@@ -243,6 +252,13 @@ class Api:
     def call(self, method: str, *args: Any) -> Any:
         return unwrap(self.raw(method, self.caller, *args))
 
+    def optional(self, method: str) -> Any:
+        """The value of a call; None where the node, which lives, does not know it: only that part is unknown then."""
+        try:
+            return self.call(method)
+        except (RosError, xmlrpc.client.Fault):
+            return None
+
     def process(self) -> int:
         """A node's process id, which is how it shows that it lives."""
         pid = self.call("getPid")
@@ -289,3 +305,78 @@ def _value(reply: Any) -> Any:
         return unwrap(reply[0])
     text = reply.get("faultString") if isinstance(reply, dict) else ""
     raise RosError(f"refused: {str(text)[:200]}")
+
+
+# ---- the master
+
+
+class Master:
+    """One master, by its URI. It is asked anew by every call, so a node that moved is found.
+
+    What it says is read again only where it says something else: that of a large fleet takes a good part of a second.
+    """
+
+    def __init__(self, uri: str, timeout: float = 2.0, caller: str = "") -> None:
+        self.uri = uri
+        self.timeout = timeout
+        # a caller id of its own: it shows up in the nodes' logs and connection lists
+        self.caller = caller or f"/rosops_fleet_{os.getpid()}"
+        self._memo = Memo()
+        self._states: dict[bool, tuple[Any, Any, MasterState]] = {}  # with types, without
+        self._rest = 0.0  # by time.monotonic; until then it is left alone
+        address_of(uri, "http")
+        if not (math.isfinite(timeout) and timeout > 0):
+            raise RosError(f"a time-out of {timeout} s is not more than 0 s")
+
+    def within(self, call: Callable[[Api], _Result]) -> _Result:
+        """Make calls of the master, and end with the time-out; raises what went wrong, as it came."""
+        with Api(self.uri, self.caller, Deadline(self.timeout), self._memo) as api:
+            return call(api)
+
+    def calls(self, requests: Sequence[Request]) -> list[Any]:
+        """Requests (method, caller, *arguments) in one round trip; each result is a value or a RosError."""
+        if not requests:
+            return []
+        try:
+            return self.within(lambda api: api.calls(requests))
+        except Exception as error:
+            raise RosError(f"the ROS master does not answer: {reason(error, self.uri, self.timeout)}") from error
+
+    def state(self, types: bool = False) -> MasterState:
+        """Who registered what, with the topics' types where they are wanted.
+
+        To say it all takes a master as long as it has to tell, so it is then left alone for as long: many who look at
+        a large graph at the same time must not keep it from its work.
+        """
+        time.sleep(max(0.0, self._rest - time.monotonic()))
+        began = time.monotonic()
+        results = self.calls([("getSystemState", self.caller), ("getTopicTypes", self.caller)][: 2 if types else 1])
+        ended = time.monotonic()
+        self._rest = ended + min(ended - began, self.timeout)
+        for result in results:
+            if isinstance(result, RosError):
+                raise RosError(f"the ROS master at {self.uri} is not one: {result}")
+        return self.state_of(*results)
+
+    def state_of(self, system_state: Any, types: Any = None) -> MasterState:
+        """The state that these values of the master's replies are. The same values as before are the same object."""
+        known = self._states.get(types is None)
+        if known is None or known[0] is not system_state or known[1] is not types:
+            known = self._states[types is None] = (system_state, types, master_state(system_state, types))
+        return known[2]
+
+    def look_up(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[Data, Data]:
+        """Addresses of nodes and services; a RosError in place of one that is not to be had."""
+        requests = [
+            *(("lookupNode", self.caller, name) for name in nodes),
+            *(("lookupService", self.caller, name) for name in services),
+        ]
+        found: dict[str, Data] = {"lookupNode": {}, "lookupService": {}}
+        for (method, _caller, name), result in zip(requests, self.calls(requests)):
+            found[method][name] = result if isinstance(result, (str, RosError)) else RosError("it has no address")
+        return found["lookupNode"], found["lookupService"]
+
+    def addresses(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, str], dict[str, str]]:
+        """The addresses that there are."""
+        found = self.look_up(nodes, services)
+        return tuple({name: uri for name, uri in part.items() if isinstance(uri, str)} for part in found)  # type: ignore[return-value] # two of them

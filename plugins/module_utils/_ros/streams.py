@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The messages of topics as they come: counted, or handed on one by one."""
+"""The messages of topics as they come: counted, or handed on one by one. Nobody is registered for them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import selectors
 import socket
 import threading
 import time
-from typing import Callable, Mapping, Tuple
+from functools import partial
+from typing import Any, Callable, Collection, Mapping, Tuple
 
 from .._common.errors import RosError
 from .arrivals import Arrivals
 from .graph import NodeKey, Rate
-from .rpc import Deadline, TimedSocket
+from .rpc import Deadline, TimedSocket, in_parallel, reason
 from .tcpros import FrameCounter
 from .transport import read_frame, subscribe
 
@@ -58,6 +59,49 @@ class TopicStream(threading.Thread):
         if self.sock is not None:
             with contextlib.suppress(OSError):
                 self.sock.shutdown(socket.SHUT_RDWR)
+
+
+Source = Tuple[str, str, Any]  # topic, publisher, and its address or the error that stands in its place
+
+
+class Streams:
+    """The streams of many publishers, which stay open from look to look until their publisher goes."""
+
+    def __init__(
+        self,
+        caller: str,
+        seconds: float,
+        took: Callable[[Source, Mapping[str, str], bytes], None],
+        left: Callable[[Source], None] = lambda _source: None,
+    ) -> None:
+        """`took` gets each message, with its publisher's header, `left` whose stream is over; `seconds` to open one."""
+        self.caller, self.seconds, self.took, self.left = caller, seconds, took, left
+        self.open: dict[Source, TopicStream] = {}
+
+    def keep(self, sources: Collection[Source]) -> dict[Source, str]:
+        """Have one of each of these, and no others; who cannot be heard, and why.
+
+        Where nothing listens any more nobody speaks, so of that nothing is said.
+        """
+        for source, stream in list(self.open.items()):  # to which one that answers late may still be added
+            if source not in sources or not stream.open:
+                self.open.pop(source).close()
+                self.left(source)
+
+        def failed(source: Source, error: BaseException) -> str:
+            return "" if isinstance(error, ConnectionRefusedError) else reason(error, str(source[2]), self.seconds)
+
+        tasks = {source: partial(self._connect, source) for source in sources if source not in self.open}
+        return {source: why for source, why in in_parallel(tasks, self.seconds, failed).items() if why}
+
+    def _connect(self, source: Source) -> str:
+        topic, _publisher, uri = source
+        if isinstance(uri, RosError):
+            raise uri
+        stream = TopicStream(self.caller, topic, uri, lambda body: self.took(source, stream.header, body))
+        stream.connect(self.seconds)
+        self.open[source] = stream
+        return ""
 
 
 Opened = Tuple[TimedSocket, Mapping[str, str]]  # a topic's stream and the publisher's header

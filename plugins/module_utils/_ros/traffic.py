@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What came of some topics over a time in which their nodes may have been replaced, and what of it was lost. Pure.
+"""What came of some topics over a time in which their nodes may have been replaced, and what of it was lost.
 
 Two things are seen from the outside, of any app. A message whose type begins with a Header has a number, which the
 client libraries count up for each publisher: of one publisher none may be missing. And every app that listened has to
@@ -11,22 +11,33 @@ be connected in every look, by the publishers' word, be it by the old or by the 
 from __future__ import annotations
 
 import re
+import struct
+import threading
+import time
 from dataclasses import dataclass, field
-from typing import Iterable
+from typing import Iterable, Mapping
 
-from .._common.documents import Document
+from .._common.documents import Data, Document
+from .._common.errors import RosError
 from . import graph as ros
+from .backend import Questions
+from .client import Ros1Client
 from .graph import Graph
 from .messages import HEADER, Definition
 from .names import is_keeper
+from .streams import Source, Streams
 
 LOGS = ("/rosout", "/rosout_agg")
 REVISION = re.compile(r"_[0-9a-f]{8}\Z")  # what tells the nodes of two versions of an app apart
 NUMBERS = 1 << 32
 
 
-def has_number(definition: Definition) -> bool:
-    """The message begins with a Header, and that with its number."""
+def has_number(header: Mapping[str, str]) -> bool:
+    """By its publisher's header the message begins with a Header, and that with its number."""
+    try:
+        definition = Definition(header.get("type", ""), header.get("message_definition", ""))
+    except RosError:
+        return False  # what cannot be read is counted
     fields = definition.types[definition.name]
     return bool(fields) and fields[0].kind == HEADER and not fields[0].is_list
 
@@ -128,3 +139,45 @@ class Traffic:
             }
             for name, topic in sorted(self.topics.items())
         }
+
+
+class Watcher:
+    """Listens, unregistered, to all topics that somebody listens to, while nodes come and go."""
+
+    def __init__(self, ros: Ros1Client) -> None:
+        self.traffic = Traffic()
+        self._ros = ros
+        self._streams = Streams(ros.caller, ros.timeout, self._took, self._left)
+        self._counted: dict[Source, tuple[Stream, bool]] = {}  # and whether its messages are numbered
+        self._lock = threading.Lock()
+
+    def look(self) -> None:
+        """See who is connected, and listen to whoever is new. Who does not answer is asked again by the next look."""
+        state = self._ros.state()
+        graph = self._ros.ask(state, Questions(dict.fromkeys(state.nodes(), frozenset({"bus"}))))
+        with self._lock:
+            self.traffic.look(graph)
+            topics = [graph.topic(name) for name in self.traffic.topics]
+        ends = [(topic.name, key) for topic in topics for key in topic.publishers]
+        self._streams.keep({(topic, key.name, uri) for topic, key in ends if (uri := graph.at(key).uri)})
+
+    def _took(self, source: Source, header: Mapping[str, str], body: bytes) -> None:
+        with self._lock:
+            topic = self.traffic.topics[source[0]]
+            if source not in self._counted:
+                self._counted[source] = Stream(), has_number(header)
+                topic.streams.append(self._counted[source][0])
+            stream, numbered = self._counted[source]
+            number = struct.unpack_from("<I", body)[0] if numbered and len(body) >= 4 else None
+            topic.take(stream, time.monotonic(), number)
+
+    def _left(self, source: Source) -> None:
+        """The next connection to it counts by itself."""
+        with self._lock:
+            self._counted.pop(source, None)
+
+    def result(self, may_pause: list[str]) -> Data:
+        """What there was, and what of it was lost."""
+        with self._lock:
+            problems = self.traffic.problems(may_pause)
+            return {"looks": self.traffic.looks, "topics": self.traffic.as_dict(), "problems": problems}

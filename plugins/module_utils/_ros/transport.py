@@ -12,9 +12,8 @@ import time
 from typing import Mapping
 
 from .._common.errors import RosError
-from .actionlib import STATUS_TYPE, decode_status
 from .rpc import Api, Deadline, TimedSocket, address_of, connect
-from .tcpros import decode_header, encode_header
+from .tcpros import STATUS_TYPE, decode_header, decode_status, encode_header
 
 MAX_HEADER = 1024 * 1024  # a handshake carries the message definition
 MAX_STATUS = 4 * 1024 * 1024

@@ -14,7 +14,7 @@ from pathlib import Path
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
 
-from ...module_utils._common.printable import printable
+from ...module_utils._common.errors import printable
 from .._update.standing import Standing
 
 display = Display()

@@ -21,7 +21,7 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ...module_utils._exporter import bounds
+from ...module_utils._exporter.families import MOST
 from .spec import HUB_LOGS, HUB_METRICS, PORTS, ROBOT, URLS, Spec, hub_url, retention_size, runs, store_size
 
 STREAM_LABELS = ("robot", "namespace", "app", "pod", "placement")
@@ -75,7 +75,7 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
         "state": "/var/lib/rosops-fleet/log-shipper",  # on the host
         "retention_size": retention_size(spec["prometheus_size"]),
         "store_claim_part": store_size(spec["store_size"]),
-        "exporter_bound": bounds.MOST,
+        "exporter_bound": MOST,
         "stream_labels": STREAM_LABELS,
         "path": PATH,
         "robot_of_namespace": ROBOT_OF_NAMESPACE,

@@ -20,8 +20,10 @@ from typing import Any
 from ...module_utils._common.errors import SpecError
 from ...module_utils._pod.launch import stable
 from ...module_utils._rehearsal import stand_in
-from ...module_utils._ros.contract import LOGGERS, is_tool, known
+from ...module_utils._ros.contract import LOGGERS, known
 from ...module_utils._ros.graph import Graph, Topic, host_of, names_of
+from ...module_utils._ros.graph_json import graph_from
+from ...module_utils._ros.names import is_tool
 
 KIND, VERSION = "rosops.fleet/recording", 1
 OTHERS = "rehearsal-others"  # plays the nodes that are no app's
@@ -78,7 +80,7 @@ def parts(data: Any, where: str) -> dict[str, Part]:
         raise SpecError(f"{where} is of version {data.get('version')}, not {VERSION}: record the robot again")
     try:
         graph = {part: data["graph"][part] for part in ("nodes", "topics", "services", "actions")}
-        return _parts(data["apps"], Graph.from_dict(graph))
+        return _parts(data["apps"], graph_from(graph))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         told = f"{type(error).__name__}: {error}"
         raise SpecError(f"{where} is damaged ({told}): record the robot again") from error

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from ...module_utils._common.documents import Result
 from ...module_utils._ros.contract import ACTION_TOPICS
 from ...module_utils._ros.graph import Graph, NodeKey, Topic, host_of, names_of
+from ...module_utils._ros.graph_json import graph_from
 from .._model.keys import read
 from . import rows
 from .rows import SHARED, Promise, Trouble, Workload, logs_of
@@ -45,7 +46,7 @@ class Reading:
 
     @classmethod
     def from_dict(cls, found: Result) -> Reading:
-        return cls(Graph.from_dict(found), tuple(read(Process, one) for one in found.get("launched") or ()))
+        return cls(graph_from(found), tuple(read(Process, one) for one in found.get("launched") or ()))
 
 
 Graphs = Mapping[str, Reading]  # by robot, or SHARED

@@ -11,7 +11,7 @@ from datetime import datetime
 from operator import attrgetter
 from typing import Any
 
-from ...module_utils._common.printable import printable
+from ...module_utils._common.errors import printable
 from .attention import Finding, attention
 from .glance import BAD, OK, counts, level
 from .rows import Row, Status, Topic

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from ...module_utils._common.errors import NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
+from ...module_utils._ros.graph_json import graph_data, graph_from
 from .._images.node import NodeImages
 from .world import Calm, Graph, Object, Seen
 
@@ -54,7 +55,7 @@ class ModuleHost:
         asked: Object = {"md5sums": True, "service_connections": True}
         if nodes:
             asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
-        return Graph.from_dict(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
+        return graph_from(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         actions: Sequence[Object] = calm.actions
@@ -76,7 +77,7 @@ class ModuleHost:
         return Seen(_verdict(found), str(found.get("msg") or ""))
 
     def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
-        asked = {"master_uri": master, "graph": graph.as_dict(), "nodes": list(nodes), "state": "present"}
+        asked = {"master_uri": master, "graph": graph_data(graph), "nodes": list(nodes), "state": "present"}
         self._well("ros_registrations", asked)
 
     def reap(self, master: str, nodes: Sequence[str]) -> None:

@@ -22,6 +22,7 @@ from typing import Protocol
 from ...module_utils._common.errors import FleetError, KubeError, NotReadyError
 from ...module_utils._common.poll import FAIL, PASS
 from ...module_utils._ros import contract as ros_contract
+from ...module_utils._ros.names import is_tool
 from ...module_utils._step.words import CONTRACT
 from .._model import names
 from .._model.context import Robot
@@ -313,7 +314,7 @@ def contract_name(node: str) -> str:
 def own_nodes(graph: Graph, robot: Robot) -> list[str]:
     """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
     below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
-    return [name for name in graph.names if name.startswith(below) and not ros_contract.is_tool(name)]
+    return [name for name in graph.names if name.startswith(below) and not is_tool(name)]
 
 
 def conditions(graph: Graph, nodes: Sequence[str]) -> Object:

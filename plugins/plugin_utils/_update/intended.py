@@ -9,9 +9,9 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 
 from ...module_utils._robot.latched import worth_keeping
-from ...module_utils._ros.contract import Intended, matches
+from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.graph import Graph, names_of
-from ...module_utils._ros.names import resolve
+from ...module_utils._ros.names import matches, resolve
 from .._model import context
 from .._model.app import App
 from .._model.context import Robot

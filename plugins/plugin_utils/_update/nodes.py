@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
-from ...module_utils._ros.contract import is_tool
 from ...module_utils._ros.graph import host_of
+from ...module_utils._ros.names import is_tool
 from ...module_utils._step.objects import node_of, suffix_of
 from .._model import names
 from .._model.app import App

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...module_utils._common.errors import SpecError
-from ...module_utils._common.printable import printable
+from ...module_utils._common.errors import SpecError, printable
 from ...module_utils._step import update_record
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 

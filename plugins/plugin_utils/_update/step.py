@@ -13,7 +13,7 @@ from typing import Any
 from ...module_utils._ros import contract as ros_contract
 from ...module_utils._ros.contract import NOTHING, Contract
 from ...module_utils._ros.graph import Graph, host_of, names_of
-from ...module_utils._ros.names import is_keeper
+from ...module_utils._ros.names import is_keeper, is_tool
 from ...module_utils._step.objects import app_of, crashes
 from ...module_utils._step.record import Record
 from .._images.archive import normal_ref
@@ -243,7 +243,7 @@ def _nameless(graph: Graph, pods: Iterable[Object]) -> list[str]:
         f"{name} of {apps[host]} has an anonymous name, as a tool that somebody has open: nobody waits for it as a "
         "subscriber. Give it a name (__name:=)"
         for name in graph.names
-        if (host := host_of(graph.node(name).uri)) in apps and ros_contract.is_tool(name) and not is_keeper(name)
+        if (host := host_of(graph.node(name).uri)) in apps and is_tool(name) and not is_keeper(name)
     ]
 
 

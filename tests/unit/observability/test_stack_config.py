@@ -9,7 +9,7 @@ import re
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.bounds import MOST
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import MOST
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.configs import (
     APP_OF_POD,
     PATH,

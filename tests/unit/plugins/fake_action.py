@@ -11,10 +11,10 @@ import threading
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import STATUS_TYPE, cancel_id, goal_id
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Publication, Slave
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import tell_publishers
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import TopicStream
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import STATUS_TYPE, cancel_id, goal_id
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 ACTION, KEEPER = "/work", "/ros_keeper"

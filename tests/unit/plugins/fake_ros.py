@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, master_state
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import decode_header
 

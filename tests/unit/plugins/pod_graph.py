@@ -6,13 +6,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import (
+    MasterState,
+    Questions,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
-    MasterState,
     NodeKey,
-    Questions,
     Rate,
     ServiceProbe,
     names_of,

@@ -8,13 +8,8 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Graph,
-    Handshake,
-    MasterState,
-    Questions,
-    Rate,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Handshake, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
@@ -137,7 +132,7 @@ def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(run: Run) -> N
 
 def test_rates_by_counters_subscribe_to_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeMaster, "rates", None)
-    monkeypatch.setattr(ros_graph_info, "sent", lambda _ros, _graph, topics, seconds: {
+    monkeypatch.setattr(ros_graph_info, "counted", lambda _ros, _graph, topics, seconds: {
         "/chatter": Rate(100.0, int(100 * seconds), seconds),
         "/rosout": Rate(0.5, 1, seconds, few=True),
     } if "/chatter" in topics else {})  # fmt: skip

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.modules import ros_ready
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state

@@ -11,8 +11,13 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import CALLER, Observer, own_connections
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.poller import Poller
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import (
+    CALLER,
+    Observer,
+    Poller,
+    own_connections,
+    too_near,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded
 
@@ -87,17 +92,6 @@ def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> 
     assert most[0] == 3
 
 
-def test_many_that_hang_take_their_turns_and_end(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observer, "AT_ONCE", 2)
-    nodes = {f"/hung{i}": f"http://127.0.0.1:{peers.hung()}/" for i in range(4)}
-    made = poller(peers, {**nodes, "/good": peers.api("good", node())}, 0.3)
-    made.poll()
-    made.poll()
-    assert made.snapshot.ros.nodes == {**dict.fromkeys(nodes, False), "/good": True}
-    assert errors(made) == {"timeout": 8}
-    assert made.snapshot.duration < 2.5
-
-
 @pytest.mark.parametrize(
     ("reply", "why"),
     [([1, "", 7], "malformed"), ([-1, "no", 0], "fault"), ("nonsense", "malformed"), (None, "timeout")],
@@ -150,3 +144,24 @@ def test_our_own_connections() -> None:
     assert own_connections([[4, CALLER, "o", "TCPROS", "/a", True], [5, "/b", "o", "TCPROS", "/a", True]]) == (4,)
     for nonsense in (None, 7, [7], [[]], [[1]]):
         assert own_connections(nonsense) == ()
+
+
+@pytest.mark.parametrize(
+    ("at", "near"), [(100.1, True), (101.4, True), (101.6, False), (105, False), (108.4, False), (108.6, True)]
+)
+def test_polls_keep_away_from_scrapes(at: float, near: bool) -> None:
+    assert too_near(100, 110, at, 10) is near
+
+
+def test_one_shift_is_enough() -> None:
+    """Scrapes every ten seconds, as the polls, at whatever time: after one shift they are not near again."""
+    for tenth in range(100):
+        scrape, last, due, shifts = 100 + tenth / 10, 100.0, 110.0, 0
+        for _round in range(5):
+            if too_near(last, due, scrape, 10):
+                shifts += 1
+                due += 3
+            while due <= scrape + 10:
+                last, due = due, due + 10
+            scrape += 10
+        assert shifts <= 1, tenth

@@ -87,13 +87,12 @@ def test_the_recorded_graph() -> None:
     assert samples(ros, "ros_topic_connections", topic="/chatter", node="/relay", direction="in") == [2]
     assert samples(ros, "ros_topic_connections", topic="/rosout_agg", node="/rosout") == [0]
     assert (memory.polls, memory.errors["refused"]) == (2, 2)
-
-
-def test_every_node_has_two_services_that_nobody_asks_for() -> None:
-    assert list(watched(STATE)) == ["/trigger"]
+    own = ["ros_exporter_scrape_errors_total", "ros_exporter_polls_total"]  # all that is said before the first poll
+    assert [one.name for one in families(Snapshot()) if one.samples] == own
 
 
 def test_services_and_goals() -> None:
+    assert list(watched(STATE)) == ["/trigger"]  # and not those two that every node has
     one = replace(answers()["/helper"], services={"/trigger": True})
     other = replace(answers()["/worker"], actions={"/work": (1, 3, 3)})
     ros, memory = next_poll(STATE, answers(**{"/helper": one, "/worker": other}), History())
@@ -134,10 +133,6 @@ def test_a_master_that_is_away_has_no_nodes() -> None:
     # and when it is back, counting goes on
     ros, _memory = next_poll(STATE, grown(90), memory)
     assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_a") == [90]
-
-
-def test_before_the_first_poll_nothing_is_said_of_the_master() -> None:
-    assert samples(GraphMetrics(), "ros_master_up") == []
 
 
 def test_a_node_that_hangs_keeps_its_counts_for_later() -> None:
@@ -218,13 +213,10 @@ def test_reasons(error: BaseException, word: str) -> None:
     assert reason(error) == word
 
 
-def test_claims_show_a_capacity_only_beside_what_is_used() -> None:
+def test_claims_show_a_capacity_only_beside_what_is_used_and_statistics_whose_they_are() -> None:
     used, capacity = claim_families({"a": 10, "b": 5}, {"a": 100, "c": 7})
     assert used.samples == [({"claim": "a"}, 10.0), ({"claim": "b"}, 5.0)]
     assert capacity.samples == [({"claim": "a"}, 100.0)]
-
-
-def test_statistics() -> None:
     latency, lost = statistics_families([(("/t", "/p", "/s"), 0.25, 3)])
     labels = {"topic": "/t", "publisher": "/p", "subscriber": "/s"}
     assert (latency.samples, lost.samples) == ([(labels, 0.25)], [(labels, 3.0)])

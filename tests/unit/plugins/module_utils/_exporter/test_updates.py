@@ -53,7 +53,8 @@ def test_nonsense_is_left_out(wrong: str) -> None:
 
 def test_nonsense_beside_sense() -> None:
     odd = {**ENTRY, "phases": {"a": "x", "b": 1}, "started": "soon", "busy_wait": True, "reason": None}
-    assert parse(text(7, odd))[0].phases == {"b": 1.0}
+    found = parse(text(7, odd))[0]
+    assert (found.phases, found.reason, found.busy_wait) == ({"b": 1.0}, "", None)
     assert shown(odd)["robot_update_started_timestamp_seconds"] == []
 
 

@@ -10,6 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     PATIENCE,
     Handshake,
@@ -19,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     ServiceProbe,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.silence import Silence
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
     PUBLISHER,

@@ -9,7 +9,7 @@ import json
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import goal_rules as rules
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.goal_rules import Goal, Hold, Sight
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import RECALLING
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import RECALLING
 
 OLD, NEW, CLIENT = "http://old/", "http://new/", "http://client/"
 ACTIVE = 1

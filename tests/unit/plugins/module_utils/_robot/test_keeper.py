@@ -25,7 +25,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import 
     Lifeline,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN, KeptFiles
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,
@@ -33,7 +33,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations im
     Call,
     Entry,
     Liveness,
-    after,
+    difference,
+    from_dict,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import master_state
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
@@ -119,7 +120,13 @@ class Ros:
         return Liveness(ALIVE, "", entry.pid, *topics)
 
     def apply(self, calls: Sequence[Call]) -> None:
-        self.entries = after(self.entries, calls)
+        told = difference(self.entries, calls)
+        pids = {node: self.entries[node].pid for node in self.entries}
+        kept = {node: entry for node, entry in self.entries.items() if node not in told["before"]}
+        self.entries = {
+            **kept,
+            **{node: from_dict({"pid": pids.get(node), **one}) for node, one in told["after"].items()},
+        }
 
 
 class Bench:

@@ -16,8 +16,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api im
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.open_goals import Staying
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
@@ -192,11 +193,9 @@ class World:
             raise RosError("the ROS master does not answer")
         return self.state_now
 
-    def ask(self, state: MasterState, wanted: graph.Questions) -> graph.Graph:
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
         pids = {name: 77 if name in self.answering else None for name in wanted.nodes}
-        nodes = [
-            graph.Node(name, self.uris.get(name, ""), pid, refused=name in self.refused) for name, pid in pids.items()
-        ]
+        nodes = [Node(name, self.uris.get(name, ""), pid, refused=name in self.refused) for name, pid in pids.items()]
         found = state.graph.answered(nodes)
         statuses = {node.key: self.goals.get(node.name, StatusReading(error="mute")) for node in nodes}
         return replace(found, actions={name: replace(found.action(name), statuses=statuses) for name in wanted.actions})
@@ -416,7 +415,7 @@ def test_a_version_that_only_waits_beside_the_old_one_has_no_goals(address: str,
 def launch_contract() -> dict[str, Any]:
     """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
     contracts = step_gate(
-        launch_step(), graph.Graph.from_dict(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
+        launch_step(), graph_from(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
     ).contracts
     assert contracts["nav"].actions == ("/move_base",)
     return contracts["nav"].as_dict()

@@ -1,21 +1,19 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The seam for another kind of ROS: who knows ROS 1's protocol, and who knows the answers alone."""
+"""What is registered and what is asked; and the seam for another kind of ROS: who knows the answers alone."""
 
 from __future__ import annotations
 
-import inspect
 from pathlib import PurePosixPath
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import backend
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, around, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import names_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import MODULE_UTILS
-from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import World
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
 from imports import imported
 
-ANSWERS = {"graph", "names", "conditions", "checks", "contract", "gate", "silence", "backend"}
+ANSWERS = {"graph", "graph_json", "names", "conditions", "checks", "contract", "gate", "backend"}
 
 
 @pytest.mark.parametrize("name", [*sorted(f"_ros.{name}" for name in ANSWERS), "_pod.judge"])
@@ -27,11 +25,32 @@ def test_what_knows_the_answers_alone_imports_no_protocol(name: str) -> None:
     assert {room for room, _module in ours} <= {"_common", "_ros"}
 
 
-@pytest.mark.parametrize("kind", [Ros1Client, World])
-def test_a_backend_answers_all_that_is_asked(kind: type) -> None:
-    """The client's and the tests' own; mypy looks at the types."""
-    asked = {name: one for name, one in vars(Backend).items() if inspect.isfunction(one) and not name.startswith("_")}
-    assert set(asked) == {"state", "ask", "handshakes", "rates"}
-    for name, one in asked.items():
-        assert list(inspect.signature(getattr(kind, name)).parameters) == list(inspect.signature(one).parameters)
-    assert "client.Ros1Client" in str(backend.__doc__)
+def test_a_server_is_one_node_with_all_of_it() -> None:
+    [action] = recorded_state().graph.actions.values()
+    assert (action.name, action.type) == ("/work", "actionlib/TestAction")
+    assert (names_of(action.servers), names_of(action.clients)) == (["/worker"], ["/asker"])
+    state = MasterState(
+        {"/x/status": ("/a",), "/y/status": ("/a", "/b")},
+        {"/x/goal": ("/b",), "/x/cancel": ("/b",), "/y/goal": ("/b",), "/y/cancel": ("/b", "/a")},
+    )
+    assert list(state.graph.actions) == ["/y"]
+    assert (state.servers("/y"), state.servers("/x")) == (("/b",), ())
+
+
+def test_everything_asks_every_node_service_and_action() -> None:
+    wanted = everything(recorded_state())
+    assert wanted.nodes == dict.fromkeys([*recorded("nodes"), DEAD], frozenset({"bus"}))
+    assert "/trigger" in wanted.services
+    assert wanted.actions == ("/work",)
+
+
+def test_a_part_of_the_graph_asks_those_around_its_nodes() -> None:
+    state = MasterState(
+        {"/in": ("/far", "/b"), "/out": ("/a",), "/else": ("/c",), "/work/status": ("/w",)},
+        {"/out": ("/b", "/d"), "/in": ("/a",), "/else": ("/e",), "/work/goal": ("/w",), "/work/cancel": ("/w",)},
+        {"/a/s": ("/a",), "/b/s": ("/b",)},
+    )
+    wanted = around(state, ["/a", "/a", "/not_registered"])
+    bus = frozenset({"bus"})
+    assert wanted.nodes == {"/a": bus, "/far": bus, "/b": bus, "/d": frozenset()}
+    assert (wanted.services, wanted.actions) == (("/a/s",), ("/work",))

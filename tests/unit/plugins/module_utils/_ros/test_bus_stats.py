@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import (
     IN,
     OUT,
@@ -15,10 +16,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import
     Counted,
     Stats,
     advance,
-    is_overflow,
     stats,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, Rate, Topic
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded
 
 NODES = recorded("nodes")
 ME = ("http://127.0.0.1:1/", 7)
@@ -45,20 +47,13 @@ def after(*replies: Stats, fresh: bool = False) -> Counted:
 # ---- the recorded replies
 
 
-def test_a_rospy_publisher() -> None:
+def test_what_both_libraries_answer() -> None:
     found = stats(NODES["/talker_a"]["getBusStats"])
-    assert not found.wraps
-    assert found.links[("/chatter", OUT, 1)] == Count(34, 602)
+    assert (found.wraps, found.links[("/chatter", OUT, 1)]) == (False, Count(34, 602))
     assert {link for link in found.links if link[0] == "/chatter"} == {("/chatter", OUT, i) for i in (1, 3, 5)}
-
-
-def test_a_rospy_subscriber() -> None:
     found = stats(NODES["/listener_a"]["getBusStats"])
     assert found.links[("/chatter", IN, 2)] == Count(7, 256)
     assert ("/rosout", OUT) in found.flows  # without a connection
-
-
-def test_a_roscpp_node() -> None:
     found = stats(NODES["/relay"]["getBusStats"])
     assert found.wraps
     assert found.links == {
@@ -66,9 +61,6 @@ def test_a_roscpp_node() -> None:
         ("/chatter_relay", OUT, 2): Count(36, 468),
         ("/chatter", IN, 3): Count(15, 135),
     }
-
-
-def test_a_roscpp_topic_without_subscribers() -> None:
     assert ("/rosout_agg", OUT) in stats(NODES["/rosout"]["getBusStats"]).flows
 
 
@@ -165,19 +157,78 @@ def test_a_wrap_twice() -> None:
     assert after(*replies).totals[TALK].bytes == 100 + (2**31 - 100) + 100
 
 
-def test_topics_without_subscribers_count_nothing() -> None:
+def test_who_has_no_connection_counts_nothing_and_our_own_are_not_the_nodes() -> None:
     assert after(rospy(), rospy()).totals == {TALK: Count(0, 0)}
-
-
-def test_a_topic_that_is_gone_is_gone() -> None:
     assert after(rospy([1, 0, 5, True]), rospy(topic="/other")).totals == {("/other", OUT): Count()}
-
-
-def test_our_own_connections_are_not_the_nodes() -> None:
     found = advance(after(rospy()), ME, rospy([9, 700, 7, True]), False, ignored=[9])
     assert found.totals[TALK] == Count(0, 0)
 
 
-def test_overflow() -> None:
-    assert is_overflow("<class 'OverflowError'>:int exceeds XML-RPC limits")
-    assert not is_overflow("<class 'Exception'>:method \"getBusStats\" is not supported")
+# ---- rates, of nodes on loopback that answer as either client library does
+
+
+class Clock:
+    """Time passes while somebody sleeps."""
+
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def reply(library: str, links: list[tuple[int, int]]) -> Any:
+    """(connection, messages) of one publisher of /scan."""
+    if library == "rospy":
+        return [1, "", [[["/scan", 0, [[number, 8 * count, count, True] for number, count in links]]], [], []]]
+    return [[["/scan", [[number, 12, 8, count, 0] for number, count in links]]], [], []]
+
+
+def measured(peers: Peers, monkeypatch: pytest.MonkeyPatch, *uris: str) -> Rate | None:
+    """The rate of /scan that these nodes publish. Only getBusStats is answered: whoever subscribes would be refused."""
+    monkeypatch.setattr(bus_stats, "time", Clock())
+    nodes = {one.key: one for one in (Node(f"/n{number}", uri, 1, True) for number, uri in enumerate(uris))}
+    graph = Graph(nodes, {"/scan": Topic("/scan", publishers=tuple(nodes))})
+    found = bus_stats.rates(Ros1Client("http://127.0.0.1:9/", 2.0), graph, ["/scan"], 0.5)
+    assert {method for _label, method in peers.calls} <= {"getBusStats"}
+    return found.get("/scan")
+
+
+def node(peers: Peers, library: str, *looks: list[tuple[int, int]]) -> str:
+    replies = [reply(library, links) for links in looks]
+    return peers.api("node", {"getBusStats": lambda *_: replies.pop(0)})
+
+
+@pytest.mark.parametrize(
+    ("nodes", "messages", "few"),
+    [
+        ([("rospy", [(1, 1000), (2, 70)], [(1, 1010), (2, 80)])], 10, False),
+        ([("roscpp", [(1, 1000), (2, 70)], [(1, 1010), (2, 80)])], 10, False),
+        ([("rospy", [(1, 5)], [(1, 10)]), ("roscpp", [(1, 0)], [(1, 7)])], 12, False),
+        # a latched message to somebody who came meanwhile is no rate, and so few are none
+        ([("roscpp", [(1, 4)], [(1, 4), (2, 1)])], 0, True),
+        ([("rospy", [(1, 4)], [(1, 6)])], 2, True),
+        ([("roscpp", [(1, 2**31 - 3)], [(1, -(2**31) + 7)])], 10, False),
+    ],
+)
+def test_rates(peers: Peers, monkeypatch: pytest.MonkeyPatch, nodes: list[Any], messages: int, few: bool) -> None:
+    rate = measured(peers, monkeypatch, *(node(peers, *one) for one in nodes))
+    assert rate is not None
+    assert (rate.messages, rate.few, rate.known, rate.seconds, rate.hz) == (messages, few, None, 0.5, 2.0 * messages)
+    assert [one.messages for one in rate.by.values()] in ([messages], [5, 7])
+
+
+def test_nobody_listens_so_nothing_is_counted(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert measured(peers, monkeypatch, node(peers, "rospy", [], [])) is None
+
+
+def test_a_publisher_that_does_not_tell(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = f"http://127.0.0.1:{peers.dead()}/"
+    rate = measured(peers, monkeypatch, gone)
+    assert rate is not None
+    assert rate.error == f"/n0: nothing listens at {gone}"
+    both = measured(peers, monkeypatch, gone, node(peers, "rospy", [(1, 5)], [(1, 10)]))
+    assert both is not None
+    assert (both.error, both.messages, [one.messages for one in both.by.values()]) == ("", 5, [5, 0])

@@ -14,16 +14,12 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Questions, everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Handshake,
-    Questions,
-    Rate,
-    everything,
-    names_of,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Handshake, Rate, names_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, Peers, frames, recorded
 
@@ -106,30 +102,18 @@ def judge(master: Ros1Client, **params: Any) -> dict[tuple[str, str], tuple[str,
 # ---- the master
 
 
-@pytest.mark.parametrize("multicall", [True, False])
-def test_the_state(ros: Replay, multicall: bool) -> None:
-    state = ros.start(multicall).state(types=True)
-    assert state.publishers["/chatter"] == ("/talker_a", "/talker_b")
-    assert state.types["/chatter"] == "std_msgs/String"
-    assert ros.start(multicall).state().types == {}
-
-
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
         ("http://127.0.0.1:{dead}", "the ROS master does not answer: nothing listens at"),
-        ("http://127.0.0.1:{hung}", "the ROS master does not answer: no answer from"),
-        ("http://no-such-host.invalid:11311", "does not resolve here"),
         ("http://127.0.0.1:{other}", "is not one"),
     ],
 )
 def test_a_master_that_is_none(ros: Replay, uri: str, words: str) -> None:
     other = ros.peers.api("other", {}).split(":")[2].rstrip("/")
-    master = Ros1Client(uri.format(dead=ros.peers.dead(), hung=ros.peers.hung(), other=other), SHORT)
-    start = time.monotonic()
+    master = Ros1Client(uri.format(dead=ros.peers.dead(), other=other), SHORT)
     with pytest.raises(RosError, match=words):
         master.state(types=True)
-    assert time.monotonic() - start < SHORT + 3
 
 
 @pytest.mark.parametrize(("uri", "timeout"), [("master:11311", 2.0), ("http://m", 2.0), ("http://m:1", 0.0)])
@@ -289,10 +273,8 @@ def test_the_services_reply_is_read(ros: Replay) -> None:
 @pytest.mark.parametrize(
     ("statuses", "verdict", "reason"),
     [
-        (["never had a goal", "never had a goal"], PASS, "idle on /worker, seen twice"),
-        (["preempted", "preempted"], PASS, "idle on /worker, seen twice"),
+        (["never had a goal", "preempted"], PASS, "idle on /worker, seen twice"),
         (["active"], WAIT, "busy on /worker: 1 ACTIVE"),
-        (["preempting"], WAIT, "busy on /worker: 1 PREEMPTING"),
         # the goal was on its way at the first status
         (["never had a goal", "active"], WAIT, "busy on /worker: 1 ACTIVE"),
     ],
@@ -310,49 +292,24 @@ def test_a_status_that_comes_only_once_is_not_idle(ros: Replay) -> None:
     assert judge(master, actions=[{"name": "/work"}])["action", "/work"][0] == PASS
 
 
-def test_a_status_that_is_none(ros: Replay) -> None:
-    ros.statuses = [b"\x01\x02\x03"]
-    verdict, reason = judge(ros.start(), actions=[{"name": "/work"}])["action", "/work"]
-    assert (verdict, "the message ends early" in reason) == (WAIT, True)
-
-
 # ---- rates
 
 
-def test_rates_are_counted_over_all_publishers(ros: Replay) -> None:
+def test_rates_are_counted_over_all_publishers_or_those_asked_for(ros: Replay) -> None:
     ros.messages = [framed(b"hello") * 30]
     master = ros.start()
-    state = master.state()
-    graph = master.ask(state, Questions({"/talker_a": frozenset(), "/talker_b": frozenset()}))
+    graph = master.ask(master.state(), Questions({"/talker_a": frozenset(), "/talker_b": frozenset()}))
     rates = master.rates(graph, {"/chatter": 0.6, "/chatter_relay": 0.4, "/nothing": 0.1})
-    assert (rates["/chatter"].messages, rates["/chatter_relay"].messages) == (60, 30)
-    assert rates["/chatter"].seconds >= 0.6
-    assert rates["/nothing"] == Rate(error="no publisher")
-    wanted = {"callerid": "/test", "topic": "/chatter", "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-    assert wanted in ros.handshakes
-
-
-def test_each_publishers_rate_comes_from_the_same_count(ros: Replay) -> None:
-    ros.messages = [framed(b"hello") * 30]
-    master = ros.start()
-    graph = master.ask(master.state(), Questions())
-    rate = master.rates(graph, {"/chatter": 0.4})["/chatter"]
+    rate = rates["/chatter"]
     assert {key.name: part.messages for key, part in rate.by.items()} == {"/talker_a": 30, "/talker_b": 30}
     assert (rate.messages, rate.hz) == (60, sum(part.hz for part in rate.by.values()))
-    assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 2
-
-
-def test_only_the_publishers_asked_for_are_counted(ros: Replay) -> None:
-    ros.messages = [framed(b"hello") * 30]
-    master = ros.start()
-    graph = master.ask(master.state(), Questions())
+    assert (rate.seconds >= 0.6, rates["/chatter_relay"].messages) == (True, 30)
+    assert rates["/nothing"] == Rate(error="no publisher")
+    wanted = {"callerid": "/test", "topic": "/chatter", "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
+    assert ros.handshakes.count(wanted) == 2
     alone = graph.published_by({"/chatter": [graph.node("/talker_b").key]})
-    rates = master.rates(alone, {"/chatter": 0.2, "/chatter_relay": 0.2})
-    assert {name: names_of(rate.by) for name, rate in rates.items()} == {
-        "/chatter": ["/talker_b"],
-        "/chatter_relay": ["/relay"],
-    }
-    assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 1
+    assert names_of(master.rates(alone, {"/chatter": 0.2})["/chatter"].by) == ["/talker_b"]
+    assert ros.handshakes.count(wanted) == 3
 
 
 def test_handshakes_come_from_the_first_publisher_that_lives(ros: Replay) -> None:
@@ -365,8 +322,6 @@ def test_handshakes_come_from_the_first_publisher_that_lives(ros: Replay) -> Non
         "/chatter_relay": Handshake(graph.node("/relay").key, md5sum),
         "/work/result": Handshake(graph.node("/worker").key, md5sum),
     }
-    assert graph.services["/trigger"].probe is not None
-    assert graph.services["/trigger"].probe.md5sum == "937c9679a518e3a18d831e57125ea522"
 
 
 def test_a_refusal_counts_when_it_comes_twice(ros: Replay) -> None:
@@ -412,13 +367,6 @@ def test_who_is_gone_leaves_the_others_rate(ros: Replay, a: str, b: str, message
     assert of["/talker_a"].startswith("/talker_a: " + {"dead": "nothing listens at", "hung": "no answer from"}[a])
 
 
-def test_large_messages_are_skipped(ros: Replay) -> None:
-    ros.messages = [framed(bytes(3_000_000))] * 5
-    master = ros.start()
-    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 2.0})
-    assert rates["/chatter_relay"].messages == 5
-
-
 def test_a_publisher_that_closes_the_stream(ros: Replay) -> None:
     def talk(sock: socket.socket) -> None:
         sock.recv(65536)
@@ -445,18 +393,10 @@ def test_a_publisher_that_offers_nothing_usable(ros: Replay, offer: Any) -> None
 def test_everything(ros: Replay) -> None:
     master = ros.start()
     state = master.state(types=True)
-    graph = master.ask(state, everything(state)).as_dict()
+    graph = graph_data(master.ask(state, everything(state)))
     assert [name for name, node in graph["nodes"].items() if not node["reachable"]] == [DEAD]
-    assert graph["services"]["/trigger"]["provider"] == "/helper"
-    assert graph["services"]["/relay/get_loggers"] == {
-        "providers": ["/relay"],
-        "uri": "",
-        "provider": "",
-        "type": "",
-        "error": "unknown node [/relay/get_loggers]",
-        "md5sum": "",
-        "up": False,
-        "connections": None,
-    }
+    trigger, unknown = graph["services"]["/trigger"], graph["services"]["/relay/get_loggers"]
+    assert (trigger["provider"], trigger["md5sum"]) == ("/helper", "937c9679a518e3a18d831e57125ea522")
+    assert (unknown["error"], unknown["up"]) == ("unknown node [/relay/get_loggers]", False)
     assert graph["actions"]["/work"]["up"] is True
     assert {"publisher": "/relay", "subscriber": "/listener_relay"} in graph["topics"]["/chatter_relay"]["connections"]

@@ -11,6 +11,10 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate as _gate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import (
+    MasterState,
+    Questions,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import (
     ActionCondition,
@@ -20,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
     ValueCondition,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import (
+    Silence,
     evaluate,
     look,
     questions,
@@ -30,16 +35,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     PATIENCE,
     Graph,
     Handshake,
-    MasterState,
+    Node,
     NodeKey,
-    Questions,
     Rate,
     ServiceProbe,
     StatusReading,
     names_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.silence import Silence
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 
 HUNG = NodeAnswer("http://h:1/", error="no answer from http://h:1/ within 2 s")
@@ -305,7 +308,7 @@ LEFT = "passes unconnected, as its peer left: "
          "2 of 3 subscribers connected to /talker_b: missing /listener_a"),
         (ALL, on(connected=True, publisher="/talker_a"), PASS, f"*; down, so not counted: {DEAD}"),
         (long_silent(graph(LOST_AND_LATE)), on(connected=True, publisher="/talker_a"), PASS, "*"),
-        (graph(silent("/talker_a")), on(connected=True, publisher="/talker_a"), WAIT,
+        (graph(silent("/talker_a"), gone=DEAD), on(connected=True, publisher="/talker_a"), WAIT,
          "the connections of /talker_a are not known (it did not tell them)"),
         (graph(subscribers={}), on(connected=True, publisher="/talker_a"), PASS, "*; 0 subscribers connected to *"),
         (graph(subscribers={}), on(connected=True), WAIT, "not connected: no subscriber is registered"),
@@ -458,6 +461,27 @@ def test_whose_messages_are_counted_and_how_long() -> None:
 # ---- the look
 
 
+LATE_NODE, UP = Node("/a", asked=True, error="no answer"), Node("/a", pid=7, asked=True)
+
+
+def test_silence_begins_when_it_was_asked_and_any_answer_ends_it_or_a_look_that_had_nothing_to_ask() -> None:
+    at = [0.0]
+    silence = Silence(lambda: at[0])
+
+    def seen(node: Node, began: float, seconds: float = 0.0) -> Node:
+        at[0] = began + seconds
+        return silence.noted(Graph({node.key: node}), began).node("/a")
+
+    assert [seen(LATE_NODE, 0.0, 2.0).silent, seen(LATE_NODE, 2.0, 2.0).silent] == [2.0, 4.0]
+    assert seen(UP, 4.0) == UP
+    assert seen(LATE_NODE, 6.0, 2.0).silent == 2.0
+    assert [seen(LATE_NODE, 6.0 + PATIENCE + more).gone for more in (-0.1, 0.0)] == [False, True]
+    assert seen(Node("/a"), 13.0) == Node("/a")  # it was connected then
+    assert seen(LATE_NODE, 14.0).silent == 0.0
+    assert seen(replace(LATE_NODE, refused=True), 14.0).gone  # a closed port needs no patience
+    assert not (Node("/a").gone or UP.gone)
+
+
 def test_from_look_to_look_a_peer_has_to_be_silent_throughout() -> None:
     """A bad version, not connected to a peer that lives, and answers late now and then."""
     lost = {**rows_without("/talker_a", "/listener_a")}
@@ -519,17 +543,9 @@ def test_a_look_that_passes() -> None:
     assert ros.asked == [(recorded_state(), questions(recorded_state(), wanted))]
     assert (seen.verdict, [check.kind for check in seen.checks], seen.unmet) == (PASS, ["master", "node", "topic"], [])
     assert ros.types is False
-
-
-def test_no_condition_is_a_master_that_answers() -> None:
+    wrong = look(ros, Conditions(nodes=("/nobody",), topics=(TopicCondition("/chatter", type="std_msgs/Int32"),)))
+    assert (wrong.verdict, ros.types) == (FAIL, True)  # which outweighs what may still come
     assert look(FakeRos(healthy()), Conditions()).verdict == PASS
-    assert look(FakeRos(healthy(), error="down"), Conditions()).verdict == WAIT
-
-
-def test_the_types_are_asked_for_only_when_needed() -> None:
-    ros = FakeRos(healthy())
-    look(ros, Conditions(topics=(TopicCondition("/chatter", type="std_msgs/String"),)))
-    assert ros.types is True
 
 
 @pytest.mark.parametrize(
@@ -561,6 +577,8 @@ def test_rates_are_measured_once_all_else_passes() -> None:
     seen = look(ros, wanted)
     assert seen.verdict == PASS
     assert ros.sampled == {"/chatter": 1.0, "/work/status": 2.0}
+    early = look(ros := FakeRos(graph()), replace(wanted, nodes=(DEAD,)))
+    assert (early.verdict, ros.sampled, [check.kind for check in early.unmet]) == (WAIT, {}, ["node", "rate", "rate"])
 
 
 def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
@@ -573,18 +591,6 @@ def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
     seen = look(Losing(healthy(), Rate(100.0, 100, 1.0)), wanted)
     assert seen.verdict == WAIT
     assert "nothing listens" in str(seen.unmet[0])
-
-
-def test_rates_are_not_measured_before() -> None:
-    ros = FakeRos(graph())
-    seen = look(ros, Conditions(nodes=(DEAD,), topics=(TopicCondition("/chatter", min_rate=90.0),)))
-    assert (seen.verdict, ros.sampled) == (WAIT, {})
-    assert [check.kind for check in seen.unmet] == ["node", "rate"]
-
-
-def test_a_failure_outweighs_what_may_still_come() -> None:
-    wanted = Conditions(nodes=("/nobody",), topics=(TopicCondition("/chatter", type="std_msgs/Int32"),))
-    assert look(FakeRos(healthy()), wanted).verdict == FAIL
 
 
 def test_without_a_master_every_condition_is_unmet_and_named() -> None:
@@ -614,33 +620,18 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
     assert {(check.verdict, check.reason) for check in seen.unmet[1:]} == {(WAIT, "not known without the master")}
 
 
-class Ears:
-    """Has heard this, look by look."""
-
-    def __init__(self, *verdicts: str) -> None:
-        self.verdicts = [*verdicts]
-
-    def checks(self, _graph: Graph) -> list[Check]:
-        return [Check("value", "/t", self.verdicts.pop(0), "heard")]
+def ears(*verdicts: str) -> _gate.Ears:
+    """Have heard this, look by look."""
+    said = iter(verdicts)
+    return lambda _graph: [Check("value", "/t", next(said), "heard")]
 
 
 def test_what_messages_say_is_part_of_the_verdict() -> None:
     wanted = Conditions(nodes=("/talker_a",), values=(ValueCondition("/t", quiet=1.0),))
     for verdict in (PASS, WAIT, FAIL):
-        assert look(FakeRos(healthy()), wanted, ears=Ears(verdict)).verdict == verdict
+        assert look(FakeRos(healthy()), wanted, ears=ears(verdict)).verdict == verdict
     assert look(FakeRos(healthy()), wanted).verdict == WAIT  # nobody has listened
     rated = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0),), values=wanted.values)
     ros = FakeRos(healthy())
-    assert (look(ros, rated, ears=Ears(WAIT)).verdict, ros.sampled) == (WAIT, {})
-    assert look(ros, rated, ears=Ears(PASS, WAIT)).verdict == WAIT  # nor may it end while rates are measured
-
-
-def test_a_check_as_data() -> None:
-    check = Check("node", "/a", WAIT, "not registered", {"pid": None})
-    assert check.as_dict() == {
-        "kind": "node",
-        "name": "/a",
-        "verdict": WAIT,
-        "reason": "not registered",
-        "observed": {"pid": None},
-    }
+    assert (look(ros, rated, ears=ears(WAIT)).verdict, ros.sampled) == (WAIT, {})
+    assert look(ros, rated, ears=ears(PASS, WAIT)).verdict == WAIT  # nor may it end while rates are measured

@@ -12,8 +12,8 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import ValueCondition
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.master import Master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import (
     URIS,
     Child,
@@ -21,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import
     processes,
     servers,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Master
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 POD = "10.42.0.7"
@@ -50,6 +50,7 @@ def node(name: str = "/arm/lidar", uri: str = f"http://{POD}:4711/", refused: bo
 )
 def test_what_is_a_crash(child: Child, said: str) -> None:
     assert crash(child) == said
+    assert child == GONE or crash(child, node()) == said
 
 
 @pytest.mark.parametrize(
@@ -162,8 +163,3 @@ def test_one_question_where_nobody_launched_anything_here(peers: Peers) -> None:
     told = {"elsewhere": "http://10.42.0.9:40001/"}
     assert children(master(peers, told), {"127.0.0.1"}) == []
     assert peers.calls == [("master", "getParam"), ("master", "getParam")]
-
-
-def test_a_master_that_does_not_answer(peers: Peers) -> None:
-    with pytest.raises(RosError, match="does not answer"):
-        children(Master(f"http://127.0.0.1:{peers.dead()}/", 0.5))

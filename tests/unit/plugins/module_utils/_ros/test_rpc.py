@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import (
     in_parallel,
     reason,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request, until
 
 SHORT = 0.3
 
@@ -67,29 +67,14 @@ def test_what_is_no_address(uri: str) -> None:
 # ---- calls
 
 
-def test_a_call_and_its_caller_id(peers: Peers) -> None:
-    seen = []
-    uri = peers.api("node", {"getPid": [1, "", 7], "echo": lambda *args: [1, "", list(args)]})
-    with Api(uri, "/test", Deadline(5)) as api:
-        seen.append(api.call("getPid"))
-        seen.append(api.call("echo", "a", [["TCPROS"]]))
-    assert seen == [7, ["a", [["TCPROS"]]]]
-
-
 def test_one_connection_serves_all_calls(peers: Peers) -> None:
-    uri = peers.api("node", {"getPid": [1, "", 7]})
+    uri = peers.api("node", {"getPid": [1, "", 7], "echo": lambda *args: [1, "", list(args)]})
     with Api(uri, "/test", Deadline(5)) as api:
         api.call("getPid")
         kept = api.http.sock
-        api.call("getPid")
+        assert api.call("echo", "a", [["TCPROS"]]) == ["a", [["TCPROS"]]]
         assert api.http.sock is kept
         assert kept is not None
-
-
-def test_a_peer_that_closes_after_each_call(peers: Peers) -> None:
-    uri = peers.api("node", {"getPid": [1, "", 7]}, keep=False)
-    with Api(uri, "/test", Deadline(5)) as api:
-        assert [api.call("getPid"), api.call("getPid")] == [7, 7]
 
 
 def test_a_kept_connection_that_the_peer_dropped_is_opened_again(peers: Peers) -> None:
@@ -227,9 +212,22 @@ def test_whatever_a_task_raises_is_its_own_result() -> None:
     assert results == {"a": "RecursionError", "b": "fine"}
 
 
-def test_more_tasks_than_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rpc, "MAX_THREADS", 3)
-    assert in_parallel({n: partial(int, n) for n in range(50)}, 5, lambda *_: -1) == {n: n for n in range(50)}
+def test_more_tasks_than_threads_take_turns_and_none_begins_after_the_end() -> None:
+    assert in_parallel({n: partial(int, n) for n in range(50)}, 5, lambda *_: -1, 3) == {n: n for n in range(50)}
+    release = threading.Event()
+    begun, ended = list[int](), list[int]()
+
+    def late(number: int) -> str:
+        begun.append(number)
+        release.wait(30)
+        ended.append(number)
+        return "done"
+
+    tasks = {number: partial(late, number) for number in range(4)}
+    assert in_parallel(tasks, 0.05, lambda *_: "late", 2) == dict.fromkeys(range(4), "late")
+    release.set()
+    until(lambda: len(ended) == 2)
+    assert sorted(begun) == [0, 1]
 
 
 def test_no_task_at_all() -> None:

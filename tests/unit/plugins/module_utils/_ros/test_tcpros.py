@@ -1,5 +1,7 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
+"""Recorded bytes, made ones, and broken ones."""
+
 from __future__ import annotations
 
 import struct
@@ -8,8 +10,12 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import (
     FrameCounter,
+    cancel_id,
     decode_header,
+    decode_status,
+    encode_cancel,
     encode_header,
+    goal_id,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import frames
 
@@ -76,3 +82,44 @@ def test_an_unfinished_message_does_not_count() -> None:
     counter = FrameCounter()
     assert counter.feed(stream(10, 20)[:-1]) == 1
     assert counter.feed(b"x") == 1
+
+
+# ---- actionlib
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"), [("never had a goal", []), ("active", [1]), ("preempting", [6]), ("preempted", [2])]
+)
+def test_recorded_statuses(key: str, expected: list[int]) -> None:
+    assert [state for _goal, state in decode_status(frames("statuses", key)[-1])] == expected
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+HEADER = struct.pack("<III", 5, 100, 200) + text("map")
+
+
+def test_ids_and_states_in_messages() -> None:
+    identity = struct.pack("<II", 7, 8) + text("/boss-1-7.000")
+    assert goal_id(HEADER + identity + b"whatever the goal is") == ("/boss-1-7.000", (7, 8))
+    assert cancel_id(identity) == ("/boss-1-7.000", (7, 8))
+    assert cancel_id(encode_cancel("/boss-1")) == ("/boss-1", (0, 0))
+    unnamed = struct.pack("<II", 1, 2) + text("")
+    status = (
+        HEADER + struct.pack("<I", 2) + identity + bytes([3]) + text("done") + unnamed + bytes([7]) + text("x" * 300)
+    )
+    assert decode_status(status) == [("/boss-1-7.000", 3), ("", 7)]
+
+
+ACTIVE = frames("statuses", "active")[-1]
+
+
+def test_a_message_cut_at_any_byte_is_an_error_not_a_crash() -> None:
+    for body in (HEADER + b"\xff\xff\xff\xff", *(ACTIVE[:length] for length in range(len(ACTIVE)))):
+        with pytest.raises(RosError):
+            decode_status(body)
+    for body in (b"", HEADER, HEADER + struct.pack("<I", 2**31)):
+        with pytest.raises(RosError):
+            goal_id(body)

@@ -15,15 +15,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import (
+    MasterState,
+    Questions,
+    everything,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
-    MasterState,
-    Questions,
     Rate,
     ServiceProbe,
     StatusReading,
-    everything,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, revision_of, suffix_of

@@ -21,7 +21,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.heard import Heard, check_value
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
@@ -576,7 +577,7 @@ class SimulatedHost:
             assert master
             heard = sim.graph().heard(nodes)
             rates = sim.rates(heard, dict.fromkeys(heard.topics, rate_seconds)) if nodes else {}
-            return Graph.from_dict(sim.graph().measured(rates).as_dict())
+            return graph_from(graph_data(sim.graph().measured(rates)))
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         sim, actions = self.sim, calm.actions
@@ -644,7 +645,7 @@ class KeeperOf:
         self.heard = [Heard(condition, sim.time) for condition in conditions.values]
 
     def look(self) -> Look:
-        found = gate.look(self.sim, self.conditions, ears=self)
+        found = gate.look(self.sim, self.conditions, ears=self.checks)
         return Look(found.verdict, found)
 
     def checks(self, graph: Graph) -> list[Check]:

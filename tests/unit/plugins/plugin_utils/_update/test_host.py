@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
@@ -131,7 +132,7 @@ def test_registrations_are_given_and_taken() -> None:
     host(modules).register(MASTER, Graph(), ["/a"])
     host(modules).register(MASTER, Graph())
     host(modules).reap(MASTER, ["/b"])
-    given = {"master_uri": MASTER, "graph": Graph().as_dict(), "state": "present"}
+    given = {"master_uri": MASTER, "graph": graph_data(Graph()), "state": "present"}
     assert modules.ran == [
         ("ros_registrations", {**given, "nodes": ["/a"]}),
         ("ros_registrations", {**given, "nodes": []}),

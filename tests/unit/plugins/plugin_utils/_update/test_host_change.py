@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -261,7 +262,7 @@ class Site:
             assert not nodes, "nobody asked for rates"
             if self.master_silent:
                 raise RosError("the master does not answer")
-            return Graph.from_dict(self.shown())
+            return graph_from(self.shown())
 
     def shown(self) -> dict[str, Any]:
         """The graph, as long as nothing has broken it."""
@@ -660,7 +661,7 @@ def shared_graph() -> Graph:
         "/robot2/planner": {"pid": 1, "uri": "http://d/"},
     }
     actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
-    return Graph.from_dict({"nodes": nodes, "actions": actions})
+    return graph_from({"nodes": nodes, "actions": actions})
 
 
 def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed, intended, on_demand
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -71,7 +72,7 @@ def graph() -> Graph:
         "services": {"/debug/reset": {"provider": OLD, "providers": [OLD]}},
         "actions": {"/dock": {"servers": [OLD]}},
     }  # fmt: skip
-    return Graph.from_dict(found)
+    return graph_from(found)
 
 
 def test_what_a_step_would_allow_is_told_of_what_there_is() -> None:

@@ -8,13 +8,14 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.obstacles import obstacle
 
 NODE = "/base_11111111"
 
 
 def graph(topic: str = "/scan", type_: str = "sensor_msgs/LaserScan", **more: Any) -> Graph:
-    return Graph.from_dict({"actions": more.pop("actions", {}), "topics": {topic: {"type": type_, **more}}})
+    return graph_from({"actions": more.pop("actions", {}), "topics": {topic: {"type": type_, **more}}})
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Sent
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -52,7 +53,7 @@ def node(**more: Any) -> dict[str, Any]:
 
 
 def gate_of(step: Step, graph: dict[str, Any], live: Live, *more: Any) -> Gate:
-    return step_gate(step, Graph.from_dict(graph), live, *more)
+    return step_gate(step, graph_from(graph), live, *more)
 
 
 def graph_of(step: Step, **more: Any) -> dict[str, Any]:
@@ -326,9 +327,9 @@ def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
     (old,) = step.old_nodes.values()
     graph = graph_of(step)
     later = {"/temperature": {"rates": {"/other": 20.0}, "latched": ["/other"]}, "/new": {"rates": {"/other": 1.0}}}
-    found = with_rates(Graph.from_dict(graph), Graph.from_dict({"topics": later}))
-    whole = Graph.from_dict(graph).as_dict()["topics"]["/temperature"]
-    assert found.as_dict()["topics"] == {
+    found = with_rates(graph_from(graph), graph_from({"topics": later}))
+    whole = graph_data(graph_from(graph))["topics"]["/temperature"]
+    assert graph_data(found)["topics"] == {
         "/temperature": {**whole, "rates": {old: 500.0, "/other": 20.0}, "latched": ["/other"]}
     }
 
@@ -336,7 +337,7 @@ def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
 def test_a_rate_is_that_of_a_node_which_was_started_anew_since() -> None:
     def seen(uri: str, **more: Any) -> Graph:
         topics = {"/scan": {"publishers": ["/lidar"], **more}}
-        return Graph.from_dict({"nodes": {"/lidar": node(uri=uri)}, "topics": topics})
+        return graph_from({"nodes": {"/lidar": node(uri=uri)}, "topics": topics})
 
     found = with_rates(seen("http://b:2/"), seen("http://a:1/", rates={"/lidar": 40.0}, latched=["/lidar"]))
     assert found == seen("http://b:2/", rates={"/lidar": 40.0}, latched=["/lidar"])

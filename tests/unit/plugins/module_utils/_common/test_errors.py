@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError, printable
 
 
 @pytest.mark.parametrize(

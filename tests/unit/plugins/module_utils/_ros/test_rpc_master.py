@@ -17,15 +17,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import master as ros_master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import rpc
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, Questions
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.master import Master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Master
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 ROBOTS, APPS, TOPICS = 100, 12, 10
@@ -83,14 +82,6 @@ def test_a_graph_of_a_hundred_robots_is_read_by_everybody(peers: Peers, tmp_path
     keeper = Keeper(Registrar(fleet.uri, LONG, "/ros_keeper"), KeptFiles(str(tmp_path)), said.append)
     keeper.step()
     assert (said, len(keeper.memory.nodes)) == ([], ROBOTS * APPS)
-
-
-def test_a_graph_without_end_is_refused_in_words(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert rpc.MAX_REPLY == 64 * 1024 * 1024
-    monkeypatch.setattr(rpc, "MAX_REPLY", 100_000)
-    fleet = Fleet(peers, whole_fleet())
-    with pytest.raises(RosError, match="reply to getSystemState is longer than 100000 bytes"):
-        Ros1Client(fleet.uri, LONG).state()
 
 
 # ---- a look costs what changed
@@ -167,7 +158,7 @@ def test_a_master_is_left_alone_for_as_long_as_it_took_to_answer(peers: Peers, m
 
     ros = Ros1Client(fleet.uri, LONG)
     calls = ros.calls
-    monkeypatch.setattr(ros_master, "time", Time)
+    monkeypatch.setattr(rpc, "time", Time)
 
     def slow(requests: Any) -> list[Any]:
         clock[0] += 0.5
