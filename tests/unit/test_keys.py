@@ -46,7 +46,7 @@ def wider_table(tmp_path: Path) -> Any:
     assert text.count(BEFORE) == 1
     path = tmp_path / "wider.py"
     path.write_text(text.replace(BEFORE, BEFORE + KEY), encoding="utf-8")
-    return loaded("wider", path).App
+    return loaded(f"{app.__package__}.wider", path).App  # where its own imports lead
 
 
 def problems(of: Any, **more: Any) -> list[Problem]:

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .._model.k3s_defaults import CGROUP_V2_FROM
-from .._model.versions import version
+from .._model.machines import CGROUP_V2_FROM, version
 
 
 def refusal(

@@ -14,7 +14,7 @@ import yaml
 
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
-from .._model.addresses import address
+from .._model.topology import address
 from .unit import HEADER, environment_text, unit_text
 
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and

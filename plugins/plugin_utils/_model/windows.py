@@ -58,16 +58,7 @@ def _begins(span: Span, day: date) -> bool:
 
 def _seconds(span: Span, day: date, zone: ZoneInfo) -> tuple[float, float]:
     """Its start and its end; where the zone's clock is turned the end may come first."""
-    start, end = _minutes(span["from"]), _minutes(span["to"])
-    later = 0 if end > start else 24 * 60
-    return _at(day, start, zone), _at(day, end + later, zone)
-
-
-def _at(day: date, minutes: int, zone: ZoneInfo) -> float:
-    days, within = divmod(minutes, 24 * 60)
-    return datetime.combine(day + timedelta(days=days), time(*divmod(within, 60)), zone).timestamp()
-
-
-def _minutes(text: str) -> int:
-    hours, minutes = text.split(":")
-    return int(hours) * 60 + int(minutes)
+    start, end = (timedelta(hours=int(text[:2]), minutes=int(text[3:])) for text in (span["from"], span["to"]))
+    end += timedelta(days=end <= start)
+    midnight = datetime.combine(day, time(), zone)  # what is added to it counts by the clock
+    return (midnight + start).timestamp(), (midnight + end).timestamp()

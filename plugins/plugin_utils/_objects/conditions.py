@@ -9,9 +9,8 @@ from typing import Any
 
 from ...module_utils._ros.names import resolve
 from .._model import context, names
-from .._model.app import App
+from .._model.app import USUAL, App
 from .._model.context import Robot
-from .._model.readiness import USUAL
 from .app import app_deployment
 from .pod_settings import full_name
 

@@ -48,7 +48,7 @@ def checked(files: Iterable[tuple[str, str]]) -> list[Dashboard]:
     problems += [*_sizes(good), *_clashes(good)]
     if problems:
         lines = "".join(f"\n  {problem.line()}" for problem in problems)
-        raise SpecError(f"dashboards that Grafana cannot take:{lines}", errors=[p.as_dict() for p in problems])
+        raise SpecError(f"dashboards that Grafana cannot take:{lines}", errors=[p._asdict() for p in problems])
     return list(good.values())
 
 

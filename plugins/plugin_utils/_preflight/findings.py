@@ -12,9 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 
 from ...module_utils._common.documents import Result
-from .._model.k3s_defaults import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT
-from .._model.machines import MACHINES
-from .._model.versions import version
+from .._model.machines import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT, MACHINES, version
 from .finding import ERROR, WARNING, Finding, error, warning
 from .network import network_findings
 from .requirements import Requirements

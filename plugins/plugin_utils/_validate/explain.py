@@ -6,16 +6,14 @@
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from types import NoneType
 from typing import Any, Literal, Union
 
-from .._model.finding import Problem, join_path, shown, unique
+from .._model.finding import Problem, each, join_path, shown
 from .._model.formats import FILLED, Form
-from .._model.keys import Key, Kind
+from .._model.keys import OPEN, Key, Kind
 from .._model.secrets import is_secret
-from .said import Said
 
 # Type -> whose values it takes, and its words; all others are mappings.
 TYPES: dict[Any, tuple[Any, str]] = {
@@ -27,12 +25,11 @@ TYPES: dict[Any, tuple[Any, str]] = {
     tuple: (list, "a list"),
 }
 MAPPING = (dict, "a mapping")
-OPEN = "open"  # a note of a kind: it may have keys that nobody knows
 
 
 def value_problems(value: Any, kind: Kind, path: str) -> list[Problem]:
     """Everything that is wrong with a value, in the order of the paths."""
-    return unique(sorted(_wrong(value, kind.said, path), key=lambda problem: problem.path))
+    return [*dict.fromkeys(sorted(_wrong(value, kind.said, path), key=lambda problem: problem.path))]
 
 
 def _wrong(value: Any, kind: Kind, path: str) -> Iterator[Problem]:
@@ -44,8 +41,8 @@ def _wrong(value: Any, kind: Kind, path: str) -> Iterator[Problem]:
         found = "empty" if FILLED in forms and fits(value, kind) else _value(value, path)
         yield Problem(path, f"is {found}", allowed(kind))
     elif kind.type is tuple:
-        for index, item in enumerate(value):
-            yield from _wrong(item, kind.inner[0].said, join_path(path, index))
+        for where, item in each(path, value):
+            yield from _wrong(item, kind.inner[0].said, where)
     elif kind.type is Mapping:
         names, values = kind.inner
         for name, item in value.items():
@@ -71,7 +68,7 @@ def fits(value: Any, kind: Kind) -> bool:
     return isinstance(value, TYPES.get(kind.type, MAPPING)[0])
 
 
-def _of_mapping(value: Said, kind: Kind, path: str) -> Iterator[Problem]:
+def _of_mapping(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Problem]:
     """Mappings are closed: a key that nobody reads is a mistake that nobody would see."""
     known: Mapping[str, Key] = kind.inner
     for name, key in known.items():
@@ -107,29 +104,6 @@ def allowed(kind: Kind) -> str:
 
 def _value(value: Any, path: str) -> str:
     return "not acceptable" if isinstance(value, str) and is_secret(path) else shown(value)
-
-
-def plain(value: Any, path: str, problems: list[Problem]) -> Any:
-    """The value with text keys and JSON's types only; what YAML can say beyond that becomes a problem.
-
-    YAML reads `on:` as a key that is true, `2026-01-01` as a date and `8080:` as a key that is a number.
-    """
-    if isinstance(value, Mapping):
-        for key in value:
-            if not isinstance(key, str):
-                problems.append(Problem(path, f"has the key {shown(key)}, which is no text", "keys in quotes"))
-        return {str(key): plain(item, join_path(path, str(key)), problems) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item, join_path(path, index), problems) for index, item in enumerate(value)]
-    if isinstance(value, float) and not math.isfinite(value):
-        problems.append(Problem(path, f"is {value}", "a finite number"))
-        return 0
-    if value is None or isinstance(value, (bool, int, float)):
-        return value
-    if not isinstance(value, str):
-        kind = next(name for name in (kind.__name__ for kind in type(value).__mro__) if name[0] != "_")  # Ansible's own
-        problems.append(Problem(path, f"is a {kind}", "text (in quotes), a number, true or false, a list, a mapping"))
-    return str(value)
 
 
 def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:

@@ -14,14 +14,12 @@ from dataclasses import MISSING
 from types import NoneType
 from typing import Annotated, Any, Literal, Union
 
-from .._model.app import NODE_PORT, SIZE, App, AppName, Quantities, Volume
+from .._model.app import NODE_PORT, SIZE, App, AppName, Condition, Filled, Quantities, Volume
 from .._model.formats import FILLED, Form, words
 from .._model.formats import FORMS as KNOWN
-from .._model.keys import Key, Kind, either, kind_of, text
-from .._model.readiness import Condition, Filled
+from .._model.keys import OPEN, Key, Kind, either, kind_of, text
+from .._model.merge import APPS, LAYERS
 from .._model.role_specs import Option, all_options
-from .explain import OPEN
-from .layers import APPS, LAYERS
 
 
 def or_empty(form: str) -> Kind:

@@ -11,8 +11,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import draft
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 CODE = {"run.py": "code", "__init__.py": ""}
@@ -114,21 +112,3 @@ def test_settings_belong_to_the_revision_that_they_came_with() -> None:
         readiness={"command": "echo $(HOME) > /x"}, name="a",
     )  # fmt: skip
     assert "$$(HOME)" in environment["ROSOPS_SETTINGS"]
-
-
-@pytest.mark.parametrize(
-    "apps",
-    [
-        [app(depends_on=["b"]), app(name="b", depends_on=["c"]), app(name="c")],
-        [app(depends_on=["b", "c"]), app(name="b", depends_on=["c"]), app(name="c")],
-        # within a group and to the outside, but never back
-        [
-            app(update={"group": "g"}, depends_on=["b"]),
-            app(name="b", update={"group": "g"}, depends_on=["c"]),
-            app(name="c"),
-        ],
-        [app(), app(name="c", depends_on=["a"]), app(name="d", depends_on=["a"])],
-    ],
-)
-def test_orders_that_can_be_kept(apps: list[Any]) -> None:
-    assert list(dependency_problems(draft("r1", {"ros_apps": apps}, []))) == []

@@ -103,7 +103,7 @@ def test_the_api_schema_is_strict() -> None:
 def test_golden_cases_pass_validation(name: str) -> None:
     case = CASES[name]
     fleet = {"groups": {"edge": ["edge1"], "robots": [case["robot"]]}, "hosts": {case["robot"]: case["variables"]}}
-    assert check_fleet(fleet).problems == []
+    assert check_fleet(**fleet).problems == []
 
 
 @pytest.mark.parametrize("name", CASES)
