@@ -15,7 +15,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import app
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import kind_of, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import value_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import value_problems
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 KEY = '''

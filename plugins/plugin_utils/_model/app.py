@@ -296,10 +296,6 @@ class SecretKey(TypedDict):
     key: Annotated[str, FORMS["secret-key"]]
 
 
-def _no_resources() -> Resources:
-    return {}
-
-
 @dataclass(frozen=True, kw_only=True)
 class App:
     """An item of ros_apps. Times are in seconds."""
@@ -407,7 +403,7 @@ class App:
     most).
 
     V(0) is never. With an external master there is no keeper."""
-    resources: Resources = field(default_factory=_no_resources)
+    resources: Resources = field(default_factory=lambda: Resources())
     """The container's resources."""
     devices: tuple[Annotated[str, FORMS["device"]], ...] = ()
     """Device nodes of the robot that the app drives, such as C(/dev/ttyUSB0). They need a privileged container, and a

@@ -140,11 +140,6 @@ def time_zone(text: str) -> bool:
     return True
 
 
-def _positive_quantity(text: str) -> bool:
-    value = quantity_value(text)
-    return value is not None and value > 0
-
-
 def _text(pattern: str, allowed: str, longest: int = 253) -> Form:
     compiled = re.compile(pattern, re.ASCII)
     return Form(lambda text: len(text) <= longest and compiled.fullmatch(text) is not None, allowed)
@@ -166,7 +161,7 @@ FORMS: dict[str, Form] = {
     "dns-name": _text(_SUBDOMAIN, "lower-case letters, digits, dashes and dots (a DNS name)"),
     "image": Form(lambda text: _IMAGE.fullmatch(text) is not None, "an image reference such as ros:noetic-ros-core"),
     "quantity": Form(lambda text: quantity_value(text) is not None, "a Kubernetes quantity such as 500m, 256Mi or 2"),
-    "size": Form(_positive_quantity, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
+    "size": Form(lambda text: (quantity_value(text) or 0) > 0, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
     "unicode": Form(lambda text: _parses(str.encode, text), "text that UTF-8 can say, no half of a surrogate pair"),
     "env-name": _text(r"[A-Za-z_]\w*", "letters, digits and underscores, not beginning with a digit"),
     "resource-name": _text(

@@ -41,7 +41,12 @@ class Windows:
         zone = ZoneInfo(self.zone)
         today = datetime.fromtimestamp(wall, zone).date()
         days = [today + timedelta(days=number) for number in range(-1, AHEAD)]
-        found = [_seconds(span, day, zone) for span in self.spans for day in days if _begins(span, day)]
+        found = [
+            _seconds(span, day, zone)
+            for span in self.spans
+            for day in days
+            if not span.get("days") or DAYS[day.weekday()] in span["days"]
+        ]
         return min(max(start, wall) for start, end in found if start < end and wall < end)
 
     def told(self, opens: float) -> str:
@@ -50,10 +55,6 @@ class Windows:
 
 
 ALWAYS = Windows()
-
-
-def _begins(span: Span, day: date) -> bool:
-    return not span.get("days") or DAYS[day.weekday()] in span["days"]
 
 
 def _seconds(span: Span, day: date, zone: ZoneInfo) -> tuple[float, float]:

@@ -40,8 +40,8 @@ _GRACE = ("spec", "template", "spec", "terminationGracePeriodSeconds")
 def app_problems(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     """All problems of one app whose keys have the types that they have to have."""
     for check in (
-        _command, _launch, _node_name, _handoff, _placement, _namespace, _grace, _volumes, _params, _files, _ports,
-        _mounts, _readiness,
+        _command, _launch, _handoff, _placement, _namespace, _grace, _volumes, _params, _files, _ports, _mounts,
+        _readiness,
     ):  # fmt: skip
         yield from check(app, raw, draft)
     yield from when_problems(app.update.when, "update.when")
@@ -129,8 +129,13 @@ def _launch(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     yield from launch_problems(app, launch, context.graph_namespace(app, draft.robot))
 
 
-def _node_name(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    """Some commands drop the name that is appended; their nodes are then not where the gate looks for them."""
+def _handoff(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
+    if app.pattern == "action" and app.handoff == "overlap":
+        found = "is overlap for the pattern action: two action servers lose goals"
+        yield Problem("handoff", found, "drain or replace")
+    for reason in app.alone() if app.handoff == "overlap" else ():
+        yield Problem("handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
+    # some commands drop the name that is appended; their nodes are then not where the gate looks for them
     reason = name_is_lost([*app.command, *app.args])
     if reason and app.handoff == "overlap":
         allowed = "handoff: replace, or a command that takes __name:= from its last argument"
@@ -157,18 +162,10 @@ def name_is_lost(words: list[str]) -> str:
     return ""
 
 
-def _handoff(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    if app.pattern == "action" and app.handoff == "overlap":
-        found = "is overlap for the pattern action: two action servers lose goals"
-        yield Problem("handoff", found, "drain or replace")
-    for reason in app.alone() if app.handoff == "overlap" else ():
-        yield Problem("handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
-
-
 def _placement(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
-    master = draft.robot.master.mode
+    master, by_default = draft.robot.master.mode, "" if "placement" in raw else " (the default)"
     if draft.robot.mode == "standalone" and app.placement == "remote":
-        found = f"is remote{_by_default(raw)}, but a standalone robot has no edge host in its cluster"
+        found = f"is remote{by_default}, but a standalone robot has no edge host in its cluster"
         yield Problem("placement", found, "local")
     # a remote pod may be placed on any edge host, of which nobody knows what is plugged in
     if app.devices and app.placement == "remote":
@@ -181,10 +178,6 @@ def _placement(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     if raw.get("liveness_timeout") and master == "external":
         found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
         yield Problem("liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
-
-
-def _by_default(raw: Said) -> str:
-    return "" if "placement" in raw else " (the default)"
 
 
 def _namespace(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
@@ -305,7 +298,8 @@ def _ports(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
         yield Problem(where, f"is {taken_port[0]} for the second time", "each port once per app")
     for where, port in each("ports", app.ports):
         if port.host_port and app.placement == "remote":
-            found = f"is one edge host's, and placement is remote{_by_default(raw)}, so nobody knows whose"
+            by_default = "" if "placement" in raw else " (the default)"
+            found = f"is one edge host's, and placement is remote{by_default}, so nobody knows whose"
             yield Problem(f"{where}.host_port", found, "node_port, which every host has, or placement: local")
         if port.host_port and app.host_network:
             found = f"has no effect, as host_network gives it the host's port {port.port}"

@@ -7,20 +7,18 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from .._model.finding import Problem
 from .._model.fleet import Fleet
 from .._model.topology import Groups, edge_ordered, fleet_topology, members
-from .app import app_problems, app_warnings
 from .draft import Draft, Hosts, Inventory, Said
-from .explain import value_problems
 from .hosts import first_servers, host_problems
 from .inventory import fleet_hosts, inventory_problems, near_misses
-from .robot import answer_warnings, fleet_app_problems, port_problems, robot_problems, robot_warnings
-from .schema import of_host
+from .robot import fleet_app_problems, port_problems, robot_problems, robot_warnings
+from .schema import of_host, value_problems
 
 IMPLICIT_HOST = "localhost"
 SHOWN = 4  # hosts of a line
@@ -51,27 +49,13 @@ def check_fleet(groups: Groups, hosts: Hosts, given: Said = MappingProxyType({})
     there = Inventory(groups, ours, {host: {one.path for one in found} for host, found in wrong.items()}, modes)
     drafts = [there.draft(robot) for robot in modes]
     problems += itertools.chain(
-        host_problems(there), *wrong.values(), *(_robot_problems(item, there) for item in drafts),
+        host_problems(there), *wrong.values(), *(robot_problems(item, there) for item in drafts),
         fleet_app_problems(drafts), port_problems(drafts), inventory_problems(hosts, names, given),
     )  # fmt: skip
-    warnings = [*(warning for item in drafts for warning in _robot_warnings(item, not problems))]
+    warnings = [*(warning for item in drafts for warning in robot_warnings(item, not problems))]
     warnings += near_misses(hosts, names)
     fleet = None if problems else _fleet(there, drafts)
     return Report([*dict.fromkeys(problems)], [*dict.fromkeys(warnings)], fleet, ours)
-
-
-def _robot_problems(item: Draft, there: Inventory) -> Iterator[Problem]:
-    yield from robot_problems(item, there)
-    for path, app, raw in item.apps:
-        yield from (problem.below(path) for problem in app_problems(app, raw, item))
-
-
-def _robot_warnings(item: Draft, sound: bool) -> Iterator[Problem]:
-    """Some are worth a word only where the whole fleet is `sound`."""
-    for path, app, raw in item.apps:
-        yield from (warning.below(path) for warning in app_warnings(app, raw))
-    yield from robot_warnings(item)
-    yield from answer_warnings(item) if sound else ()
 
 
 def _fleet(there: Inventory, drafts: Iterable[Draft]) -> Fleet:

@@ -19,8 +19,7 @@ from .._model.machines import too_old
 from .._model.merge import LAYERS, layered
 from .._model.secrets import redact
 from .draft import Hosts, Said
-from .explain import nearest_name
-from .schema import needed
+from .schema import nearest_name, needed
 from .schema import variables as known_variables
 
 # Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 
 from ...module_utils._pod.launch import named
 from .._model.app import App, File, Launch, env_value
-from .._model.finding import Problem
+from .._model.finding import Problem, each
 from .launch_file import LaunchFile, Node, is_known, read
 
 _POSE = "two estimates of where the robot is would fight"
@@ -57,7 +57,8 @@ def launch_problems(app: App, launch: Launch, namespace: str) -> Iterator[Proble
     if not found and len(files) == len(launch.file):
         found += _unknown_args(launch, files)
     if not found and app.handoff == "overlap":
-        whole = len(files) == len(launch.file) and all(map(_is_whole, files))
+        known = all(file.whole and all(is_known(node.name) for node in file.nodes) for file in files)
+        whole = len(files) == len(launch.file) and known
         found += [*(_unknown_nodes(launch, nodes) if whole else ()), *_verdicts(launch, nodes, whole)]
     return (problem.below("launch") for problem in found)
 
@@ -73,10 +74,6 @@ def written(files: Sequence[File], package: str, name: str) -> File | None:
             item for item in files if below in item.path and f"/{item.path.partition(below)[2]}".endswith(f"/{name}")
         ]
     return found[0] if len(found) == 1 and not found[0].secret else None
-
-
-def _is_whole(file: LaunchFile) -> bool:
-    return file.whole and all(is_known(node.name) for node in file.nodes)
 
 
 def _twice(nodes: Sequence[Node]) -> Iterator[Problem]:
@@ -101,11 +98,10 @@ def _unknown_args(launch: Launch, files: Sequence[LaunchFile]) -> Iterator[Probl
 
 def _unknown_nodes(launch: Launch, nodes: Sequence[Node]) -> Iterator[Problem]:
     names = list(dict.fromkeys(node.name for node in nodes))
-    for key, words in (("replace", launch.replace), ("overlap", launch.overlap)):
-        for index, word in enumerate(words):
-            if not named(word, names):
-                allowed = "one of " + ", ".join(names) if names else "leave it out"
-                yield Problem(f"{key}[{index}]", f"is {word}, which the launch file does not start", allowed)
+    for where, word in [*each("replace", launch.replace), *each("overlap", launch.overlap)]:
+        if not named(word, names):
+            allowed = "one of " + ", ".join(names) if names else "leave it out"
+            yield Problem(where, f"is {word}, which the launch file does not start", allowed)
 
 
 def _verdicts(launch: Launch, nodes: Sequence[Node], whole: bool) -> Iterator[Problem]:

@@ -14,7 +14,7 @@ from .._model.formats import words
 from .._model.keys import OPEN, Key, Kind, kind_of
 from .._model.merge import deep_merge, merge_key
 from .draft import Said
-from .explain import value_problems
+from .schema import value_problems
 
 # The collection finds its objects by these; a Deployment's selector cannot be changed after its creation anyway.
 FIXED = (
@@ -88,16 +88,13 @@ def _pod_problems(plain: Object, merged: Object, container: str, path: str) -> I
         if not [item for item in listed or [] if isinstance(item, dict) and item.get("name") == name]:
             where = join_path(path, *template, "spec", key)
             yield Problem(where, f"leaves no container {name}", f"entries with the key name, {name} among them")
-    yield from _spec_problems(inside(merged, (*template, "spec")), join_path(path, *template, "spec"))
-
-
-def _spec_problems(spec: Object, path: str) -> Iterator[Problem]:
-    """Fields of a pod's specification and of its containers that are of another shape than the API's."""
+    # fields that are of another shape than the API's
+    spec, path = inside(merged, (*template, "spec")), join_path(path, *template, "spec")
     yield from value_problems(spec, Kind(dict, _POD, (OPEN,)), path)
     for listed in ("containers", "initContainers"):
-        for where, container in each(f"{path}.{listed}", spec[listed] if isinstance(spec.get(listed), list) else ()):
-            for key in ("name", "image") if isinstance(container, Mapping) else ():
-                if not isinstance(container.get(key), str) or not container[key]:
+        for where, item in each(f"{path}.{listed}", spec[listed] if isinstance(spec.get(listed), list) else ()):
+            for key in ("name", "image") if isinstance(item, Mapping) else ():
+                if not isinstance(item.get(key), str) or not item[key]:
                     yield Problem(f"{where}.{key}", "is missing or no text", "text")
 
 

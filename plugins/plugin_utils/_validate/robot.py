@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ...module_utils._ros.names import resolve
 from .._model import context, names
-from .._model.app import App, Volume
+from .._model.app import App
 from .._model.finding import Problem, each, taken
 from .._model.formats import FORMS, moving_tag
 from .._model.order import circle
@@ -19,17 +19,19 @@ from .._objects.keeper import plain_keeper
 from .._objects.master import plain_master
 from .._objects.pod_settings import promised
 from .._objects.security import more_than_baseline
-from .app import when_problems
+from .app import app_problems, app_warnings, when_problems
 from .draft import Draft, Inventory
-from .explain import did_you_mean
 from .overrides import override_problems
+from .schema import did_you_mean
 
 # Classes whose volumes are directories of one node: Kubernetes then places every pod of the claim on that node.
 NODE_BOUND = (None, "local-path")
 
 
 def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
-    """Problems between the apps and volumes of one robot, and of its master."""
+    """Problems of one robot: of its apps, between these and its volumes, and of its master."""
+    for path, app, raw in draft.apps:
+        yield from (problem.below(path) for problem in app_problems(app, raw, draft))
     yield from _namespace(draft)
     yield from _same_names(draft)
     yield from _volume_names(draft)
@@ -103,19 +105,14 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
             found = f"mounts the ReadWriteOnce volume {name} on another node than {users[0][0]} does"
             yield Problem(others[0], found, "apps of one placement, or access_mode: ReadWriteMany")
         for path, app, mount in users:
-            if app.handoff == "overlap" and not _same_node(volume, app, edge_count):
+            one_node = app.placement == "local" or edge_count <= 1 or volume.storage_class in NODE_BOUND
+            if app.handoff == "overlap" and (mode == "ReadWriteOncePod" or (mode == "ReadWriteOnce" and not one_node)):
                 found = f"mounts the {mode} volume {name}, which two overlapping revisions cannot both have"
                 allowed = "handoff: replace or drain, another access_mode, or ReadWriteOnce on one node"
                 yield Problem(path, found, allowed)
             elif app.handoff == "overlap" and (why := mount.alone(volume)):
                 allowed = "handoff: replace or drain, read_only: true, or shared: true where several may write at once"
                 yield Problem(path, f"cannot be two overlapping revisions': {why}", allowed)
-
-
-def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
-    if volume.access_mode == "ReadWriteOnce":
-        return app.placement == "local" or edge_count <= 1 or volume.storage_class in NODE_BOUND
-    return volume.access_mode != "ReadWriteOncePod"
 
 
 def _dependencies(draft: Draft) -> Iterator[Problem]:
@@ -146,20 +143,10 @@ def _dependencies(draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{apps[member][0]}.depends_on", found, "an order in which the apps can be updated")
 
 
-def answer_warnings(draft: Draft) -> Iterator[Problem]:
-    """What a robot without a mistake is asked before a change, and what its own app has to answer."""
-    publishers = {topic: app.name for topic, app, _said in promised(draft.robot)}
-    for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
-        if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
-            yield Problem(
-                where,
-                f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
-                "-e update_on_busy=force, for the run that mends it",
-            )
-
-
-def robot_warnings(draft: Draft) -> Iterator[Problem]:
-    """Volumes nobody mounts, and a master image that may change by itself."""
+def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
+    """What is allowed but seldom meant; some of it is worth a word only where the whole fleet is `sound`."""
+    for path, app, raw in draft.apps:
+        yield from (warning.below(path) for warning in app_warnings(app, raw))
     used = {mount.name for app in draft.robot.apps for mount in app.volumes}
     for volume in draft.robot.volumes:
         if volume.name not in used:
@@ -172,6 +159,15 @@ def robot_warnings(draft: Draft) -> Iterator[Problem]:
     image = draft.robot.master.image
     if draft.robot.master.mode != "external" and moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
+    # what the robot is asked before a change, and its own app has to answer
+    publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
+    for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
+        if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
+            yield Problem(
+                where,
+                f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
+                "-e update_on_busy=force, for the run that mends it",
+            )
 
 
 def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
