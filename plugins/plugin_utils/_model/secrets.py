@@ -76,8 +76,6 @@ def redact(name: str, value: Any, seen: dict[str, str], hidden: bool = False) ->
     `seen` carries the numbers from call to call. Empty secrets and those that are no text keep their type, so that a
     check of the type still finds them.
     """
-    if name in OPAQUE and isinstance(value, (dict, list)):
-        return type(value)()  # only its type is looked at
     hidden = hidden or name in OPAQUE or is_secret(name)
     if isinstance(value, dict):
         return {key: redact(key, item, seen, hidden) for key, item in value.items()}

@@ -98,6 +98,7 @@ def test_all_errors_at_once() -> None:
             {"persistent_storage": {"volumes": [{"name": "v", "storage_class": "longhorn", "size": 1}]}},
         ),
         ({"overrides": {"metadata": {"name": "talker"}}}, {}),
+        ({"hooks": "sidecar", "ports": [{"name": "web", "port": 11412, "protocol": "UDP"}]}, {}),
         (
             {
                 "readiness": {
@@ -251,6 +252,17 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
 
 def test_localhost_is_no_stranger() -> None:
     assert check_fleet({**table.GROUPS, "all": ["localhost", "edge1", "robot1"]}, {}).problems == []
+
+
+def test_an_app_of_the_fleet_has_its_port_though_every_robot_s_variables_have_it() -> None:
+    ports = [{"name": "w", "port": 80, "node_port": 30080}]
+    app = table.changed_app({"scope": "fleet", "placement": "remote", "ports": ports})
+    robot = {"ros_master_mode": "shared", "ros_apps": [app]}
+    assert lines(check_fleet({"edge": ["e"], "robots": ["r1", "r2"]}, {"r1": robot, "r2": robot})) == ""
+
+
+def test_apps_of_one_name_are_told_once() -> None:
+    assert len(check_fleet(**table.fleet_of({"apps": [{}, {}]})).problems) == 1
 
 
 def test_apps_may_depend_on_each_other_in_an_order() -> None:
