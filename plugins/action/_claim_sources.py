@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._model.claims import Asked, sources
+from ..plugin_utils._model.claims import sources
 from ..plugin_utils._model.names import FLEET_NAMESPACE, robot_namespace
 from ..plugin_utils._model.topology import members
 
@@ -32,12 +32,12 @@ class ActionModule(FleetAction):
     def work(self, params: Arguments, known: Variables) -> Result:
         play, me = list(known["ansible_play_hosts_all"]), known["inventory_hostname"]
         found = {host: _directories(known["hostvars"][host].get(params["found"])) for host in play}
-        asked = Asked(
+        all_of_them = sources(
+            {host: there for host, there in found.items() if there is not None},
             {FLEET_NAMESPACE, *map(robot_namespace, params["robots"])},
             {robot: robot_namespace(robot) for robot in members(known["groups"], "robots")},
             params["volumes"],
         )
-        all_of_them = sources({host: there for host, there in found.items() if there is not None}, asked)
         first = me == known["ansible_play_hosts"][0]
         there = {source.volume for source in all_of_them}
         return {

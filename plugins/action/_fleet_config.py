@@ -14,11 +14,8 @@ from ..plugin_utils._images.archive import Archives
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._objects.parts import images
-from ..plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
-from ..plugin_utils._validate.folded import folded
-from ..plugin_utils._validate.hosts import fleet_hosts
-from ..plugin_utils._validate.images import archive_problems, image_warnings
-from ..plugin_utils._validate.inventory import inventory_problems, near_misses
+from ..plugin_utils._validate.fleet import Report, check_fleet, folded
+from ..plugin_utils._validate.hosts import archive_problems, image_warnings
 
 
 class ActionModule(FleetAction):
@@ -26,22 +23,16 @@ class ActionModule(FleetAction):
 
     def work(self, _params: Arguments, known: Variables) -> Result:
         groups = {str(name): [str(host) for host in hosts] for name, hosts in known["groups"].items()}
-        names = [host for host in groups["all"] if host != IMPLICIT_HOST]
+        archives = Archives()
         try:
-            hostvars = HostVariables(known["hostvars"])
-            hosts = fleet_hosts(hostvars, names)
-            archives = Archives()
-            found = check_fleet({"groups": groups, "hosts": hosts})
-            wrong = inventory_problems(hostvars, names, load_extra_vars(self._loader))
-            wrong += archive_problems(found.hosts, archives.unusable)
-            warnings = [*found.warnings, *near_misses(hostvars, names)]
+            found = check_fleet(groups, HostVariables(known["hostvars"]), load_extra_vars(self._loader))
+            wrong = [*archive_problems(found.hosts, archives.unusable)]
             fleet = None if wrong else found.fleet
-            if fleet:
-                warnings += image_warnings(fleet, found.hosts, archives.instead)
-            return outcome(found._replace(problems=[*found.problems, *wrong], warnings=warnings, fleet=fleet))
+            seen = image_warnings(fleet, found.hosts, archives.instead) if fleet else ()
         except FleetError as error:
             error.details.setdefault("valid", False)
             raise
+        return outcome(Report([*found.problems, *wrong], [*found.warnings, *seen], fleet, found.hosts))
 
 
 def outcome(report: Report) -> Result:

@@ -22,7 +22,7 @@ from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refus
 from ..plugin_utils._k3s.source import source
 from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
 from ..plugin_utils._kube.kubeconfig import is_foreign, is_made_from, kubeconfig_head
-from ..plugin_utils._model.addresses import address
+from ..plugin_utils._model.topology import address
 
 
 class ActionModule(FleetAction):

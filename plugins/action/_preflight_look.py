@@ -14,7 +14,7 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._model.pythons import too_old
+from ..plugin_utils._model.machines import too_old
 from ..plugin_utils._preflight.findings import clock_offset
 from ..plugin_utils._preflight.requirements import PART, look, server_addresses
 

@@ -13,9 +13,9 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import SpecError
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._model.fleet import Fleet
+from ..plugin_utils._model.merge import APPS, layered
 from ..plugin_utils._rehearsal.recording import cast, changed, parts
 from ..plugin_utils._report.files import write
-from ..plugin_utils._validate.layers import APPS, layered
 
 
 class ActionModule(FleetAction):

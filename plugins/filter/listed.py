@@ -40,12 +40,12 @@ from typing import Any
 from ansible.errors import AnsibleFilterError
 
 from ..module_utils._common.errors import SpecError
-from ..plugin_utils._model import listed
+from ..plugin_utils._model import formats
 
 
 def _listed(value: Any) -> list[Any]:
     try:
-        return listed.listed(value)
+        return formats.listed(value)
     except SpecError as error:
         raise AnsibleFilterError(str(error)) from error
 

@@ -108,7 +108,7 @@ def assert_untouched(result: subprocess.CompletedProcess[str]) -> None:
     assert not re.search(r"changed=[1-9]", result.stdout)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["says"]))
 def test_refused(case: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "inventory.yml"
     path.write_text(inventory(case), encoding="utf-8")

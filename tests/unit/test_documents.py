@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 from doc_blocks import CHECKOUT, PAGES, Block, blocks
 
@@ -65,7 +65,7 @@ def fleet_of(block: Block) -> dict[str, Any]:
 
 @pytest.mark.parametrize("block", VARIABLES, ids=lambda block: block.where)
 def test_variables_are_a_fleet_s(block: Block) -> None:
-    assert [problem.line() for problem in check_fleet(fleet_of(block)).problems] == []
+    assert [problem.line() for problem in check_fleet(**fleet_of(block)).problems] == []
 
 
 def test_plays_and_tasks_are_ansible_s(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import app
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import kind_of, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import value_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import value_problems
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 KEY = '''
@@ -46,7 +46,7 @@ def wider_table(tmp_path: Path) -> Any:
     assert text.count(BEFORE) == 1
     path = tmp_path / "wider.py"
     path.write_text(text.replace(BEFORE, BEFORE + KEY), encoding="utf-8")
-    return loaded("wider", path).App
+    return loaded(f"{app.__package__}.wider", path).App  # where its own imports lead
 
 
 def problems(of: Any, **more: Any) -> list[Problem]:

@@ -24,9 +24,8 @@ from urllib.parse import urlsplit
 from ...module_utils._common.errors import FleetError, KubeError
 from .._kube.access import NoClusterError, ServersAwayError, given_options
 from .._kube.kubeconfig import is_foreign, keep, local_kubeconfig, url_at
-from .._model.addresses import address
 from .._model.fleet import Home
-from .._model.topology import EDGE_CLUSTER
+from .._model.topology import EDGE_CLUSTER, address
 from .leftovers import OURS, hold, sweep
 
 LEADING = ("host", "kubeconfig", "context")  # options that say which API

@@ -16,9 +16,8 @@ from collections.abc import Iterator, Sequence
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.poll import WAIT
 from ...module_utils._host.k3s import BINARY
-from .._model.k3s_defaults import CGROUP_V2_FROM
-from .._model.machines import MACHINES
-from .._model.versions import version as parsed
+from .._model.machines import CGROUP_V2_FROM, MACHINES
+from .._model.machines import version as parsed
 from .source import Artifacts
 from .wanted import HostFile, Wanted
 

@@ -15,7 +15,7 @@ import yaml
 
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES, STARTED_WITH, UNIT_DIRECTORY
-from .._model.addresses import address
+from .._model.topology import address
 
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and

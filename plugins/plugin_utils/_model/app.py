@@ -7,17 +7,15 @@ A key is added here. After that `python tools/docs/keys.py` writes the roles' ar
 """
 
 # no `from __future__ import annotations`: a lambda in an annotation that is a text would not find this module's names
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, TypedDict
+from typing import Annotated, Any, Literal, Required, TypedDict
 
 from ...module_utils._common.documents import Variables
 from ...module_utils._step.words import LIVENESS_LEAST, LIVENESS_TIMEOUT
-from .formats import FILLED, FORMS, Form, whole
+from .formats import FILLED, FORMS, Form, number, whole
 from .keys import Follows, either
 from .names import default_mount_path, ros_name
-from .readiness import USUAL, Count, GraphName, NotNegative, Positive, Readiness, Scalar, When
-from .sharing import unshared, unshared_volume
 
 # A handoff follows from what the app does on the graph: two publishers or services of one name live side by side for a
 # moment, two action servers lose goals, and without a pattern nothing may be assumed. What two pods cannot have at once
@@ -28,6 +26,12 @@ HANDOFF_BY_PATTERN = {"pubsub": "overlap", "service": "overlap", "action": "drai
 STOP_MARGIN = 5
 
 AppName = Annotated[str, FORMS["app-name"]]
+GraphName = Annotated[str, FORMS["graph-name"]]
+Filled = Annotated[str, FILLED]
+Positive = Annotated[float, number(0, above=True)]
+NotNegative = Annotated[float, number(0)]
+Count = Annotated[int, whole(0)]
+Scalar = str | float | bool
 GraphPattern = Annotated[str, FORMS["graph-pattern"]]
 LaunchFile = Annotated[str, FORMS["launch-file"]]
 MountPath = Annotated[str, FORMS["mount-path"]]
@@ -39,6 +43,7 @@ SIZE = either(FORMS["size"].allowed, Annotated[str, FORMS["size"]], Positive)
 Quantities = Mapping[Annotated[str, FORMS["resource-name"]], Annotated[str | float, QUANTITY]]
 PORT = whole(1, 65535)
 NODE_PORT = whole(30000, 32767)
+NAMED = "a ROS name or a mapping with the key name"
 
 
 def env_value(value: Any) -> str | Mapping[str, str]:
@@ -48,6 +53,92 @@ def env_value(value: Any) -> str | Mapping[str, str]:
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
+
+
+class Condition(TypedDict, total=False):
+    """What messages must say. Its keys are documented with the module ros_ready, and what else of them has to be true
+    is judged by its code (_validate/app.py, when_problems)."""
+
+    topic: Required[GraphName]
+    field: Filled
+    equals: Scalar
+    above: float
+    below: float
+    quiet: Positive
+    still: Positive
+    tolerance: NotNegative
+
+
+When = tuple[Condition, ...]
+
+
+def _named(item: Any) -> Variables:
+    return item if isinstance(item, Mapping) else {"name": item}
+
+
+def _action(item: Any) -> Variables:
+    return {"state": "up", **_named(item)}
+
+
+class ReadyTopic(TypedDict, total=False):
+    """What the graph has to show of a topic: options of the module ros_ready."""
+
+    name: Required[GraphName]
+    """The topic; a relative name is resolved in the app's ROS namespace."""
+    type: Annotated[str, FORMS["ros-type"]]
+    """Its message type."""
+    publishers: Count
+    """At least so many publishers."""
+    subscribers: Count
+    """At least so many subscribers."""
+    connected: bool
+    """Every subscriber is connected, seen from the publishers."""
+    min_rate: Positive
+    """At least so many messages per second."""
+
+
+class ReadyService(TypedDict, total=False):
+    """A service that has to answer."""
+
+    name: Required[GraphName]
+
+
+class ReadyAction(TypedDict, total=False):
+    """An action server that has to be there."""
+
+    name: Required[GraphName]
+    state: Literal["up", "idle"]
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """When an app is ready."""
+
+    command: Annotated[
+        str | tuple[str, ...] | None,
+        either("a command as text, or as a list of texts", Filled, Annotated[tuple[str, ...], FILLED]),
+        lambda said: tuple(said) if isinstance(said, list) else said,
+    ] = None
+    """What the container has to say to being ready, with exit status 0; a path, a shell command or a list."""
+    nodes: bool = True
+    """Whether the app's own ROS node has to be up."""
+    topics: tuple[ReadyTopic, ...] = ()
+    """Topics that the graph has to show."""
+    services: tuple[Annotated[ReadyService, either(NAMED, GraphName, ReadyService), _named], ...] = ()
+    """Services that have to answer a probe, as names or as mappings with the key C(name)."""
+    actions: tuple[Annotated[ReadyAction, either(NAMED, GraphName, ReadyAction), _action], ...] = ()
+    """Action servers, as names or as mappings with the keys C(name) and C(state) (C(up) or C(idle))."""
+    absent: tuple[GraphName, ...] = ()
+    """ROS nodes that have to be gone."""
+    timeout: Positive = 60.0
+    """Seconds until all of it has to be true."""
+    interval: Positive = 0.5
+    """Seconds between two looks at the graph."""
+    consecutive: Annotated[int, whole(1, 1000)] = 1
+    """How often in a row it has to be true."""
+
+
+USUAL = Readiness()
 
 
 @dataclass(frozen=True)
@@ -81,8 +172,11 @@ class Mount:
     volume comes when the one before has gone, unless the volume is V(ReadWriteMany)."""
 
     def alone(self, volume: Volume) -> str:
-        """Why two pods cannot both mount the volume so, or nothing."""
-        return unshared_volume(volume.name, volume.access_mode, self.read_only or self.shared)
+        """Why two pods cannot both mount the volume so, wherever they are; nothing where they can."""
+        if volume.access_mode == "ReadWriteOncePod":
+            return f"{volume.name} is {volume.access_mode}: one pod's only"
+        careful = self.read_only or self.shared or volume.access_mode == "ReadWriteMany"
+        return "" if careful else f"both would write to {volume.name}"
 
 
 @dataclass(frozen=True)
@@ -202,10 +296,6 @@ class SecretKey(TypedDict):
     key: Annotated[str, FORMS["secret-key"]]
 
 
-def _no_resources() -> Resources:
-    return {}
-
-
 @dataclass(frozen=True, kw_only=True)
 class App:
     """An item of ros_apps. Times are in seconds."""
@@ -313,7 +403,7 @@ class App:
     most).
 
     V(0) is never. With an external master there is no keeper."""
-    resources: Resources = field(default_factory=_no_resources)
+    resources: Resources = field(default_factory=lambda: Resources())
     """The container's resources."""
     devices: tuple[Annotated[str, FORMS["device"]], ...] = ()
     """Device nodes of the robot that the app drives, such as C(/dev/ttyUSB0). They need a privileged container, and a
@@ -334,7 +424,25 @@ class App:
 
     def alone(self) -> list[str]:
         """Why two pods of it cannot be up at once, volumes aside."""
-        ports = [{"hostPort": port.host_port} for port in self.ports]
         # a launch file may say which of its nodes has the device: that one is never there twice
         devices = () if self.launch and self.launch.replace else self.devices
-        return unshared(devices, self.host_network, self.resources, [self.overrides, ports])
+        found = [f"{device} is one device, and the two would both drive it" for device in devices]
+        ports = [{"hostPort": port.host_port} for port in self.ports]
+        for path, value in _leaves([{"host_network": self.host_network}, self.resources, self.overrides, ports]):
+            if path[-1] == "hostPort" and value:
+                found.append(f"host port {value} can be one pod's only")
+            elif path[-1] in ("host_network", "hostNetwork") and value is True:
+                found.append(f"{path[-1]} gives both the same ports of one host")
+            # of a device plugin, such as nvidia.com/gpu
+            elif path[-2:-1] in (("requests",), ("limits",)) and "/" in str(path[-1]) and str(value) != "0":
+                found.append(f"{path[-1]} is given to one of them, and the other is never placed")
+        return list(dict.fromkeys(found))
+
+
+def _leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """Path and value of everything in mappings and lists of any shape; what null removes is not there."""
+    if isinstance(value, (Mapping, list, tuple)):
+        for key, item in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _leaves(item, (*path, key))
+    elif path and value is not None:
+        yield path, value

@@ -27,21 +27,16 @@ class ClaimSource(NamedTuple):
     target: str
 
 
-class Asked(NamedTuple):
-    """What may come: the namespaces that are asked for, of each robot's host its own alone; these volumes, or all."""
+def sources(
+    directories: Mapping[str, Collection[str]],
+    namespaces: Collection[str],
+    own: Mapping[str, str],
+    volumes: Collection[str] = (),
+) -> list[ClaimSource]:
+    """The claims of these `namespaces` and `volumes`, or of all volumes; what a robot's host has of its `own` alone.
 
-    namespaces: Collection[str]
-    own: Mapping[str, str]
-    volumes: Collection[str] = ()
-
-    def takes(self, host: str, namespace: str, volume: str) -> bool:
-        """Whether a claim may come from a host; one of the edge's has those of all robots."""
-        there = namespace in self.namespaces and namespace == self.own.get(host, namespace)
-        return there and (not self.volumes or volume in self.volumes)
-
-
-def sources(directories: Mapping[str, Collection[str]], asked: Asked) -> list[ClaimSource]:
-    """`directories` are those that each host names, and whoever is root there names what he wants.
+    One of the edge's hosts has those of all robots. `directories` are those that each host names, and whoever is root
+    there names what he wants.
 
     So a claim is what its directory's name says, in the one form that Kubernetes gives it. What has no such name, or is
     of a namespace that the host does not have, is left alone. A claim that is there twice, as after a cluster was made
@@ -49,7 +44,13 @@ def sources(directories: Mapping[str, Collection[str]], asked: Asked) -> list[Cl
     """
     named = [(host, _DIRECTORY.fullmatch(one)) for host in sorted(directories) for one in sorted({*directories[host]})]
     claims = [(host, name, name["claim"].removesuffix(claim_name(""))) for host, name in named if name]
-    taken = [(host, name, volume) for host, name, volume in claims if asked.takes(host, name["namespace"], volume)]
+    taken = [
+        (host, name, volume)
+        for host, name, volume in claims
+        if name["namespace"] in namespaces
+        and name["namespace"] == own.get(host, name["namespace"])
+        and (not volumes or volume in volumes)
+    ]
     targets = [f"{name['namespace'].removeprefix(robot_namespace(''))}/{volume}" for _host, name, volume in taken]
     return [
         ClaimSource(host, name[0], volume, f"{target}.{name['pv']}" if targets.count(target) > 1 else target)

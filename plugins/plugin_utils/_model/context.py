@@ -17,9 +17,8 @@ from typing import Annotated, Any
 from ...module_utils._common.documents import Variables
 from ...module_utils._ros.names import resolve
 from . import names
-from .app import App, Volume
+from .app import App, Volume, When
 from .keys import Follows, read
-from .readiness import When
 from .windows import ALWAYS, Windows
 
 _NAMESPACE = re.compile(r"(?:^|\s)__ns:=([\w/]+)")

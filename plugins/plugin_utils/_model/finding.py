@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
+What = TypeVar("What", bound=Hashable)
 
 
 class Problem(NamedTuple):
@@ -25,10 +26,6 @@ class Problem(NamedTuple):
         """The finding in what is at `path`."""
         return self._replace(path=join_path(path, self.path))
 
-    def as_dict(self) -> dict[str, str]:
-        """Shape of an item of the validation's `errors`."""
-        return {"path": self.path, "problem": self.problem, "allowed": self.allowed}
-
     def line(self) -> str:
         """The finding as one line for people."""
         return f"{self.path}: {self.problem}" + (f"; allowed: {self.allowed}" if self.allowed else "")
@@ -41,17 +38,18 @@ def join_path(path: str, *parts: str | int) -> str:
     return path
 
 
-def repeated(items: Sequence[T]) -> Iterator[tuple[int, T]]:
-    """The items that stand there before, and where they do so again."""
-    return ((index, item) for index, item in enumerate(items) if item in items[:index])
+def each(path: str, items: Iterable[T], key: str = "") -> Iterator[tuple[str, T]]:
+    """The items of the list at `path`, each with its place, or with that of a `key` in it."""
+    return ((f"{path}[{index}]{key}", item) for index, item in enumerate(items))
 
 
-def unique(problems: Iterable[Problem]) -> list[Problem]:
-    """The problems without repetition, in order of appearance."""
-    return list(dict.fromkeys(problems))
+def taken(claims: Iterable[tuple[str, What]]) -> Iterator[tuple[str, What, str]]:
+    """Of places that each have something: where it is what another place has already, what it is, and where first."""
+    first: dict[What, str] = {}
+    return ((place, what, first[what]) for place, what in claims if first.setdefault(what, place) != place)
 
 
-def shown(value: Any, limit: int = 60) -> str:
+def shown(value: Any) -> str:
     """A value as an operator wrote it, short enough for a message."""
     if isinstance(value, dict):
         return "a mapping"
@@ -64,4 +62,4 @@ def shown(value: Any, limit: int = 60) -> str:
     if isinstance(value, (int, float)):
         return f"the number {value}"
     text = repr(str(value))
-    return text if len(text) <= limit else text[: limit - 4] + "...'"
+    return text if len(text) <= 60 else text[:56] + "...'"

@@ -13,6 +13,10 @@ from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+import yaml
+
+from ...module_utils._common.errors import SpecError
+
 _LABEL = r"[a-z0-9](?:[-a-z0-9]*[a-z0-9])?"
 _SUBDOMAIN = rf"{_LABEL}(?:\.{_LABEL})*"
 # Reference grammar: github.com/distribution/reference, file regexp.go
@@ -28,8 +32,7 @@ _SCALE.update({suffix: Decimal(10) ** power for suffix, power in zip("numkMGTPE"
 
 # What a pod may see of its host. Everything else (/, /etc, /proc, /sys, /run, /var/lib/rancher, /var/lib/kubelet, ...)
 # lets a container take the host over or break k3s.
-SAFE_ROOTS = ("/data", "/media", "/mnt", "/opt", "/srv")
-SAFE_PARENTS = ("/dev", "/home", "/var/log")
+_SAFE = re.compile(r"/(?:data|media|mnt|opt|srv)(?:/.*)?|/(?:dev|home|var/log)/.+")
 PRIVATE_PARTS = (".ssh", ".kube", ".gnupg")
 UNSAFE_DEVICES = ("/dev/mem", "/dev/kmem", "/dev/port")
 HOST_PATHS = "a path at or below /data, /media, /mnt, /opt or /srv, or below /dev, /home or /var/log, without '..'"
@@ -88,36 +91,23 @@ def clean_path(path: str) -> bool:
     return path.startswith("/") and bool(parts) and not {"", ".", ".."} & set(parts) and not re.search(r"[:\s\0]", path)
 
 
-def below(path: str, parent: str) -> bool:
-    """Whether a path lies below a directory, which it is not itself."""
-    return path.rstrip("/").startswith(parent + "/")
-
-
 def safe_host_path(path: str) -> bool:
     """Whether a pod may have this path of its host."""
     bare = path.rstrip("/")
-    inside = any(bare == root or below(bare, root) for root in SAFE_ROOTS) or any(
-        below(bare, up) for up in SAFE_PARENTS
+    safe = (
+        _SAFE.fullmatch(bare) is not None and bare not in UNSAFE_DEVICES and not {*PRIVATE_PARTS} & {*bare.split("/")}
     )
-    return clean_path(path) and inside and bare not in UNSAFE_DEVICES and not set(PRIVATE_PARTS) & set(bare.split("/"))
+    return safe and clean_path(path)
 
 
 def device_path(path: str) -> bool:
     """A device file, or with a slash at its end a directory of them."""
-    return clean_path(path) and below(path, "/dev") and path.rstrip("/") not in UNSAFE_DEVICES
+    bare = path.rstrip("/")
+    return clean_path(path) and bare.startswith("/dev/") and bare not in UNSAFE_DEVICES
 
 
-def master_uri(text: str) -> bool:
-    """`http://<host>:<port>` and nothing more: the master speaks plain XML-RPC at the root."""
-    return _bare_url(text, ("http",), with_port=True)
-
-
-def hub_url(text: str) -> bool:
-    """`http://<host>`: its ports are variables of their own."""
-    return _bare_url(text, ("http", "https"), with_port=False)
-
-
-def _bare_url(text: str, schemes: tuple[str, ...], with_port: bool) -> bool:
+def bare_url(text: str, schemes: tuple[str, ...], with_port: bool) -> bool:
+    """`<scheme>://<host>` and nothing more, with a port or without one."""
     try:
         parts = urlsplit(text)
         host, port = parts.hostname, parts.port
@@ -150,92 +140,123 @@ def time_zone(text: str) -> bool:
     return True
 
 
-def _positive_quantity(text: str) -> bool:
-    value = quantity_value(text)
-    return value is not None and value > 0
-
-
-def _matching(pattern: str, longest: int = 253) -> Callable[[str], bool]:
+def _text(pattern: str, allowed: str, longest: int = 253) -> Form:
     compiled = re.compile(pattern, re.ASCII)
-    return lambda text: len(text) <= longest and compiled.fullmatch(text) is not None
+    return Form(lambda text: len(text) <= longest and compiled.fullmatch(text) is not None, allowed)
 
 
-_GRAPH_NAME = _matching(r"(?:~/?|/)?[A-Za-z]\w*(?:/\w+)*")
-_GRAPH_PATTERN = _matching(r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*")
-_PRIVATE_NAME = _matching(r"(?:~/?)?[A-Za-z]\w*(?:/\w+)*")
+def _label(longest: int) -> Form:
+    allowed = f"at most {longest} lower-case letters, digits and dashes, with a letter or digit at both ends"
+    return _text(_LABEL, allowed, longest)
+
 
 FORMS: dict[str, Form] = {
-    "app-name": Form(
-        _matching(r"[a-z](?:[-a-z0-9]*[a-z0-9])?", 40),
+    "app-name": _text(
+        r"[a-z](?:[-a-z0-9]*[a-z0-9])?",
         "at most 40 lower-case letters, digits and dashes, beginning with a letter, not ending with a dash",
+        40,
     ),
-    "robot-name": Form(
-        _matching(_LABEL, 57), "at most 57 lower-case letters, digits and dashes, with a letter or digit at both ends"
-    ),
-    "volume-name": Form(
-        _matching(_LABEL, 59), "at most 59 lower-case letters, digits and dashes, with a letter or digit at both ends"
-    ),
-    "dns-name": Form(_matching(_SUBDOMAIN), "lower-case letters, digits, dashes and dots (a DNS name)"),
+    "robot-name": _label(57),
+    "volume-name": _label(59),
+    "dns-name": _text(_SUBDOMAIN, "lower-case letters, digits, dashes and dots (a DNS name)"),
     "image": Form(lambda text: _IMAGE.fullmatch(text) is not None, "an image reference such as ros:noetic-ros-core"),
     "quantity": Form(lambda text: quantity_value(text) is not None, "a Kubernetes quantity such as 500m, 256Mi or 2"),
-    "size": Form(_positive_quantity, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
+    "size": Form(lambda text: (quantity_value(text) or 0) > 0, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
     "unicode": Form(lambda text: _parses(str.encode, text), "text that UTF-8 can say, no half of a surrogate pair"),
-    "env-name": Form(_matching(r"[A-Za-z_]\w*"), "letters, digits and underscores, not beginning with a digit"),
-    "resource-name": Form(
-        _matching(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*"), "cpu, memory, ephemeral-storage or <vendor>/<resource>"
+    "env-name": _text(r"[A-Za-z_]\w*", "letters, digits and underscores, not beginning with a digit"),
+    "resource-name": _text(
+        rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*", "cpu, memory, ephemeral-storage or <vendor>/<resource>"
     ),
-    "graph-name": Form(_GRAPH_NAME, "a ROS name such as temperature, /temperature or ~status"),
-    "graph-pattern": Form(_GRAPH_PATTERN, "a ROS name such as /scan or ~status, * standing for anything: /debug/*"),
-    "private-name": Form(_PRIVATE_NAME, "a private ROS name such as status or ~status"),
-    "node-name": Form(
-        _matching(r"[A-Za-z]\w*"), "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"
+    "graph-name": _text(r"(?:~/?|/)?[A-Za-z]\w*(?:/\w+)*", "a ROS name such as temperature, /temperature or ~status"),
+    "graph-pattern": _text(
+        r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*",
+        "a ROS name such as /scan or ~status, * standing for anything: /debug/*",
     ),
-    "param-name": Form(
-        _matching(r"/?[A-Za-z]\w*(?:/\w+)*"), "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
+    "private-name": _text(r"(?:~/?)?[A-Za-z]\w*(?:/\w+)*", "a private ROS name such as status or ~status"),
+    "node-name": _text(
+        r"[A-Za-z]\w*", "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"
     ),
-    "package-name": Form(_matching(r"[A-Za-z][\w-]*"), "a ROS package's name"),
-    "launch-file": Form(
-        _matching(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*"), "a launch file's name, or with / first its whole path"
+    "param-name": _text(
+        r"/?[A-Za-z]\w*(?:/\w+)*", "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
     ),
-    "node-path": Form(
-        _matching(r"/?[A-Za-z]\w*(?:/\w+)*"), "the name of a <node> of the launch file, such as lidar or front/lidar"
+    "package-name": _text(r"[A-Za-z][\w-]*", "a ROS package's name"),
+    "launch-file": _text(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*", "a launch file's name, or with / first its whole path"),
+    "node-path": _text(
+        r"/?[A-Za-z]\w*(?:/\w+)*", "the name of a <node> of the launch file, such as lidar or front/lidar"
     ),
-    "launch-arg": Form(_matching(r"[A-Za-z_]\w*"), "the name of an <arg> of the launch file"),
-    "ros-type": Form(_matching(r"[A-Za-z]\w*/[A-Za-z]\w*"), "<package>/<type> such as std_msgs/Float64"),
-    "master-uri": Form(master_uri, "http://<host>:<port>"),
+    "launch-arg": _text(r"[A-Za-z_]\w*", "the name of an <arg> of the launch file"),
+    "ros-type": _text(r"[A-Za-z]\w*/[A-Za-z]\w*", "<package>/<type> such as std_msgs/Float64"),
+    # the master speaks plain XML-RPC at the root
+    "master-uri": Form(lambda text: bare_url(text, ("http",), with_port=True), "http://<host>:<port>"),
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
     "host-path": Form(safe_host_path, HOST_PATHS),
-    "port-name": Form(
-        _matching(r"(?=.*[a-z])[a-z0-9]+(?:-[a-z0-9]+)*", 15),
+    "port-name": _text(
+        r"(?=.*[a-z])[a-z0-9]+(?:-[a-z0-9]+)*",
         "at most 15 lower-case letters, digits and dashes, a letter among them",
+        15,
     ),
-    "secret-key": Form(_matching(r"[-\w.]+", 253), "letters, digits, -, _ and ."),
-    "file-mode": Form(_matching(r"0[0-7]{3}"), 'four octal digits in quotes, such as "0644"'),
+    "secret-key": _text(r"[-\w.]+", "letters, digits, -, _ and ."),
+    "file-mode": _text(r"0[0-7]{3}", 'four octal digits in quotes, such as "0644"'),
     "mount-path": Form(clean_path, "an absolute path other than /, without '..', ':' or blanks"),
-    "retention": Form(
-        _matching(r"(?:[0-9]+(?:ms|[smhdwy]))+"), "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"
+    "retention": _text(
+        r"(?:[0-9]+(?:ms|[smhdwy]))+", "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"
     ),
-    "hub-url": Form(hub_url, "http://<host> or https://<host>, without a port and a path"),
+    # its ports are variables of their own
+    "hub-url": Form(
+        lambda text: bare_url(text, ("http", "https"), with_port=False),
+        "http://<host> or https://<host>, without a port and a path",
+    ),
     "network": Form(lambda text: "/" in text and _parses(ipaddress.ip_network, text), "a network such as 192.0.2.0/24"),
-    "k3s-version": Form(
-        _matching(r"v[0-9]+\.[0-9]+\.[0-9]+(?:-[\w.]+)?\+[\w.]+"),
+    "k3s-version": _text(
+        r"v[0-9]+\.[0-9]+\.[0-9]+(?:-[\w.]+)?\+[\w.]+",
         "a release of k3s such as v1.34.2+k3s1, with the v and what follows the +",
     ),
     "addresses": Form(
         lambda text: all(_parses(ipaddress.ip_address, one) for one in text.split(",")),
         "an IP address, or one of each family with a comma between them",
     ),
-    "time-of-day": Form(
-        _matching(r"(?:[01][0-9]|2[0-3]):[0-5][0-9]|24:00"), 'hours and minutes in quotes, such as "06:30" or "22:00"'
+    "time-of-day": _text(
+        r"(?:[01][0-9]|2[0-3]):[0-5][0-9]|24:00", 'hours and minutes in quotes, such as "06:30" or "22:00"'
     ),
     "time-zone": Form(
         time_zone,
         "a name of the time zone database such as Europe/Berlin (a control node without one: pip install tzdata)",
     ),
-    "label-value": Form(
-        _matching(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", 63), "at most 63 letters, digits, -, _ and ."
-    ),
-    "label-name": Form(
-        _matching(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9](?:[-\w.]{{0,61}}[A-Za-z0-9])?"), "a label such as example.org/site"
+    "label-value": _text(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", "at most 63 letters, digits, -, _ and .", 63),
+    "label-name": _text(
+        rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9](?:[-\w.]{{0,61}}[A-Za-z0-9])?", "a label such as example.org/site"
     ),
 }
+
+WAVE = re.compile(r"[1-9][0-9]*|(0*[1-9][0-9]?|100)%")
+
+
+def listed(value: Any) -> list[Any]:
+    """The list that was meant: of YAML or JSON, or of words with commas, blanks or lines between them.
+
+    Nothing and an empty text, which an optional question of a survey gives, are an empty list.
+    """
+    if isinstance(value, (list, tuple)):
+        return list(value)
+    if isinstance(value, (int, float)):
+        return [value]
+    text = "" if value is None else str(value).strip()
+    if not text.startswith("["):
+        return [word for word in re.split(r"[\s,]+", text) if word]
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError:
+        found = None
+    if not isinstance(found, list):
+        raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")
+    return found
+
+
+def wrong_waves(value: Any) -> str:
+    """What is wrong with waves of hosts, which Ansible would only stumble over; empty if nothing is."""
+    try:
+        waves = listed(value)
+    except SpecError as error:
+        return str(error)
+    wrong = [wave for wave in waves if isinstance(wave, bool) or not WAVE.fullmatch(str(wave))]
+    return f"has {wrong[0]!r}" if wrong else ""

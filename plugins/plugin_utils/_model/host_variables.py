@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import UserDict
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -40,18 +41,12 @@ class HostVariables(Mapping[str, Variables]):
         return len(self._hostvars)
 
 
-class _Templated(Mapping[str, Any]):
+class _Templated(UserDict[str, Any]):
     """Variables of one host, each templated when it is asked for."""
 
     def __init__(self, variables: Result, loader: Any) -> None:
-        self._variables = variables
         self._templar = Templar(loader=loader, variables=variables)
+        self.data = variables
 
     def __getitem__(self, name: str) -> Any:
-        return self._templar.template(self._variables[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._variables)
-
-    def __len__(self) -> int:
-        return len(self._variables)
+        return self._templar.template(self.data[name])

@@ -33,6 +33,7 @@ from ...module_utils._common.documents import Variables
 from .formats import FORMS, words
 
 T = TypeVar("T")
+OPEN = "open"  # a note of a kind: it may have keys that nobody knows
 
 
 @dataclass(frozen=True)

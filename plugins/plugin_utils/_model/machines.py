@@ -1,11 +1,31 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The machines that k3s and images are made for, and what each calls them."""
+"""What k3s, images and ansible-core are made for: machines, versions, a host's Python, and what k3s does by itself."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from ansible.module_utils.basic import _PY_MIN as OLDEST
+from ansible.release import __version__
+
+CORE = __version__
+# What k3s and its kubelet do where nobody says otherwise, as of v1.34.
+# k3s's own eviction-hard: with less of the disk free the Node has DiskPressure, and the kubelet evicts pods.
+EVICTION_FREE_PERCENT = 5
+# The kubelet's imageGCHighThresholdPercent: with more of the disk used it deletes images that no container uses, those
+# that were never used first.
+IMAGE_GC_USED_PERCENT = 85
+# From this minor version on the kubelet ends on a host with cgroup v1, unless failCgroupV1 is false.
+CGROUP_V2_FROM = (1, 35)
+
+_NUMBERS = re.compile(r"(\d+)\D+(\d+)")
+_VERSION = re.compile(r"v(\d+)\.(\d+)\.(\d+)(?:-([a-z]+)\.?(\d+))?(?:\+([a-z0-9]*[a-z])(\d+))?")
+
+_Order = tuple[int, int, int, int, str, int]
 
 
 @dataclass(frozen=True)
@@ -28,3 +48,46 @@ def architecture_of(machine: str) -> str:
     """`arm64` for `aarch64`; a machine that is not in the table keeps its name."""
     known = MACHINES.get(machine)
     return known.architecture if known else machine
+
+
+@dataclass(frozen=True)
+class Version:
+    """`v1.34.2-rc1+k3s1`; without `-rc1` it is the release, which is newer than its candidates."""
+
+    minor: tuple[int, int]
+    order: _Order
+    vendor: str
+    build: int
+
+    def newer_than(self, other: Version) -> bool:
+        """Builds of different vendors of one version are neither newer nor older."""
+        if self.order != other.order:
+            return self.order > other.order
+        return self.vendor == other.vendor and self.build > other.build
+
+
+def version(text: str) -> Version | None:
+    """A version as k3s says it; None for a text that is none."""
+    found = _VERSION.fullmatch(text)
+    if found is None:
+        return None
+    major, minor, patch, stage, number, vendor, build = found.groups()
+    order = (int(major), int(minor), int(patch), int(stage is None), stage or "", int(number or 0))
+    return Version((int(major), int(minor)), order, vendor or "", int(build or 0))
+
+
+def too_old(text: str) -> str:
+    """What is wrong where a host's Python is of the version that `text` begins with; empty where nothing is."""
+    found = _NUMBERS.search(text)
+    own = tuple(int(number) for number in found.groups()) if found else OLDEST
+    if own >= OLDEST:
+        return ""
+    return (
+        f"has Python {_dotted(own)}, and ansible-core {CORE} needs {_dotted(OLDEST)} or newer on hosts. Take an "
+        "ansible-core that takes it (2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and name "
+        "it in ansible_python_interpreter"
+    )
+
+
+def _dotted(numbers: Sequence[int]) -> str:
+    return ".".join(str(number) for number in numbers)

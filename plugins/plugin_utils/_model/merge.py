@@ -9,12 +9,12 @@ Kubernetes' own strategic merge is the model for the keys: API reference, "patch
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from copy import deepcopy
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeGuard
 
 from ...module_utils._common.documents import Variables
 from ...module_utils._step.objects import Object
+from .finding import Problem, join_path
 
 # Fields whose entries are told apart by something other than `name`; the first key that all entries have wins.
 MERGE_KEYS: dict[str, tuple[str, ...]] = {
@@ -25,6 +25,10 @@ MERGE_KEYS: dict[str, tuple[str, ...]] = {
     "files": ("path",),  # of an app
 }
 PATCH = "$patch"
+# A robot's apps: those of the fleet, what its model has of its own, and what it has itself; the later layer counts.
+# Ansible takes a variable from one place only, so each layer has a name of its own.
+APPS = "ros_apps"
+LAYERS = ("ros_apps_model", "ros_apps_robot")
 
 
 def deep_merge(base: Variables, overrides: Variables) -> Object:
@@ -55,12 +59,12 @@ def _merged_value(field: str, base: Any, value: Any) -> Any:
 
 
 def _copied(value: Any) -> Any:
-    """As deepcopy, for documents: their mappings and lists are walked here, at a third of its time."""
+    """A document of its own: mappings and lists are made anew, and what else is in them cannot be changed."""
     if isinstance(value, dict):
         return {key: _copied(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_copied(item) for item in value]
-    return deepcopy(value)
+    return value
 
 
 def merge_key(field: str, base: list[Any], value: list[Any]) -> str | None:
@@ -80,3 +84,27 @@ def _merged_entries(key: str, base: list[Any], value: list[Any]) -> list[Any]:
         else:
             entries[name] = deep_merge(entries.get(name, {}), item)
     return list(entries.values())
+
+
+def layered(variables: Variables, path: str, problems: list[Problem]) -> Variables:
+    """The host's variables with all its apps in `ros_apps`. A layer of another shape stays: its schema says so."""
+    merged = dict(variables)
+    for layer in LAYERS:
+        apps, more = merged.get(APPS, []), merged.get(layer)
+        if _named(apps) and _named(more):
+            problems += _missing(apps, more, join_path(path, layer))
+            merged[APPS] = deep_merge({APPS: apps}, {APPS: more})[APPS]
+            del merged[layer]
+    return merged
+
+
+def _named(apps: object) -> TypeGuard[list[Variables]]:
+    return isinstance(apps, list) and all(isinstance(app, Mapping) and isinstance(app.get("name"), str) for app in apps)
+
+
+def _missing(apps: list[Variables], more: list[Variables], path: str) -> Iterator[Problem]:
+    there = [app["name"] for app in apps]
+    for index, app in enumerate(more):
+        if app.get(PATCH) == "delete" and app["name"] not in there:
+            found = f"takes away {app['name']}, which no layer before has"
+            yield Problem(join_path(path, index), found, f"one of {', '.join(there)}" if there else "nothing")

@@ -21,21 +21,14 @@ ROLES = Path(__file__).resolve().parents[3] / "roles"
 
 
 @functools.cache
-def entry_points(role: str) -> Mapping[str, Option]:
-    """A role's entry points by name; SpecError for a role that there is not."""
+def role_options(role: str) -> Mapping[str, Option]:
+    """The options of all entry points of a role, by variable; SpecError for a role that there is not."""
     try:
         text = (ROLES / role / "meta" / "argument_specs.yml").read_text("utf-8")
     except OSError as error:
         raise SpecError(f"the collection is not whole: {error}") from error
-    specs: Mapping[str, Option] = yaml_load(text)["argument_specs"]
-    return specs
-
-
-def role_options(role: str) -> dict[str, Option]:
-    """The options of all entry points of a role, by variable."""
-    return {
-        name: option for entry in entry_points(role).values() for name, option in (entry.get("options") or {}).items()
-    }
+    entries = yaml_load(text)["argument_specs"].values()
+    return {name: option for entry in entries for name, option in (entry.get("options") or {}).items()}
 
 
 def completed(option: Option, value: Any) -> Any:

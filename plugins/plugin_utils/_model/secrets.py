@@ -72,30 +72,17 @@ def is_secret(path: str) -> bool:
     return _SECRET_KEY.search(path.rsplit(".", 1)[-1].split("[")[0]) is not None
 
 
-def redact(value: Any, seen: dict[Any, str]) -> Any:
-    """The value with every secret in it replaced by a number, the same number for the same secret.
+def redact(name: str, value: Any, seen: dict[str, str], hidden: bool = False) -> Any:
+    """What a variable or a key is, JSON's types only, with a number in the place of every secret: for one the same one.
 
     `seen` carries the numbers from call to call. Empty secrets and those that are no text keep their type, so that a
     check of the type still finds them.
     """
-    if isinstance(value, Mapping):
-        return {key: _under(str(key), item, seen) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [redact(item, seen) for item in value]
-    return value
-
-
-def _under(key: str, value: Any, seen: dict[Any, str]) -> Any:
-    if key in OPAQUE and isinstance(value, (Mapping, list, tuple)):
-        return {} if isinstance(value, Mapping) else []  # only its type is looked at
-    return _hidden(value, seen) if is_secret(key) or key in OPAQUE else redact(value, seen)
-
-
-def _hidden(value: Any, seen: dict[Any, str]) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _hidden(item, seen) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_hidden(item, seen) for item in value]
+    hidden = hidden or name in OPAQUE or is_secret(name)
+    if isinstance(value, dict):
+        return {key: redact(key, item, seen, hidden) for key, item in value.items()}
+    if isinstance(value, list):
+        return [redact("", item, seen, hidden) for item in value]
     if isinstance(value, str):
-        return seen.setdefault(str(value), f"(secret {len(seen) + 1})") if value else ""
-    return 0 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+        return seen.setdefault(value, f"(secret {len(seen) + 1})") if value and hidden else value
+    return 0 if hidden and isinstance(value, (int, float)) and not isinstance(value, bool) else value

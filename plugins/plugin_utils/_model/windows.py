@@ -41,7 +41,12 @@ class Windows:
         zone = ZoneInfo(self.zone)
         today = datetime.fromtimestamp(wall, zone).date()
         days = [today + timedelta(days=number) for number in range(-1, AHEAD)]
-        found = [_seconds(span, day, zone) for span in self.spans for day in days if _begins(span, day)]
+        found = [
+            _seconds(span, day, zone)
+            for span in self.spans
+            for day in days
+            if not span.get("days") or DAYS[day.weekday()] in span["days"]
+        ]
         return min(max(start, wall) for start, end in found if start < end and wall < end)
 
     def told(self, opens: float) -> str:
@@ -52,22 +57,9 @@ class Windows:
 ALWAYS = Windows()
 
 
-def _begins(span: Span, day: date) -> bool:
-    return not span.get("days") or DAYS[day.weekday()] in span["days"]
-
-
 def _seconds(span: Span, day: date, zone: ZoneInfo) -> tuple[float, float]:
     """Its start and its end; where the zone's clock is turned the end may come first."""
-    start, end = _minutes(span["from"]), _minutes(span["to"])
-    later = 0 if end > start else 24 * 60
-    return _at(day, start, zone), _at(day, end + later, zone)
-
-
-def _at(day: date, minutes: int, zone: ZoneInfo) -> float:
-    days, within = divmod(minutes, 24 * 60)
-    return datetime.combine(day + timedelta(days=days), time(*divmod(within, 60)), zone).timestamp()
-
-
-def _minutes(text: str) -> int:
-    hours, minutes = text.split(":")
-    return int(hours) * 60 + int(minutes)
+    start, end = (timedelta(hours=int(text[:2]), minutes=int(text[3:])) for text in (span["from"], span["to"]))
+    end += timedelta(days=end <= start)
+    midnight = datetime.combine(day, time(), zone)  # what is added to it counts by the clock
+    return (midnight + start).timestamp(), (midnight + end).timestamp()

@@ -15,9 +15,8 @@ from ...module_utils._common.documents import Variables
 from ...module_utils._ros.names import resolve
 from ...module_utils._step.objects import Object
 from .._model import context, names
-from .._model.app import App
+from .._model.app import USUAL, App
 from .._model.context import Robot
-from .._model.readiness import USUAL
 from .app import app_deployment, app_objects
 from .belongings import belongings
 from .code_files import app_files, code_maps

@@ -13,9 +13,8 @@ from typing import Any
 
 from ...module_utils._ros.names import resolve
 from .._model import context
-from .._model.app import App
+from .._model.app import App, ReadyTopic
 from .._model.context import Robot
-from .._model.readiness import ReadyTopic
 from .pod_code import probe_command
 
 

@@ -93,7 +93,7 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
     problems += _clashes(good)
     if problems:
         lines = "".join(f"\n  {problem.line()}" for problem in problems)
-        raise SpecError(f"dashboards that Grafana cannot take:{lines}", errors=[p.as_dict() for p in problems])
+        raise SpecError(f"dashboards that Grafana cannot take:{lines}", errors=[p._asdict() for p in problems])
     return list(good.values())
 
 

@@ -14,9 +14,7 @@ from functools import partial
 from typing import NamedTuple
 
 from ...module_utils._common.documents import Result
-from .._model.k3s_defaults import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT
-from .._model.machines import MACHINES
-from .._model.versions import version
+from .._model.machines import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT, MACHINES, version
 from .requirements import Requirements
 
 ERROR, WARNING = "error", "warning"

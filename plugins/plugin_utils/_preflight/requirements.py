@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...module_utils._common.documents import Arguments, Variables
-from .._model.addresses import address
+from .._model.topology import address
 
 API = 6443
 ETCD = (2379, 2380)

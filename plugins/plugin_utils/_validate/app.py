@@ -3,34 +3,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks of one app that no type can make: what its parts say about each other and about its robot.
 
-Every check takes the completed app, the app as the operator wrote it, and the robot's draft. Paths are the app's own.
+Every check takes the completed app, the app as the operator wrote it, and its robot's draft. Paths are the app's own.
 """
 
 from __future__ import annotations
 
-import functools
-import itertools
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ...module_utils._common.errors import SpecError
 from ...module_utils._pod.sidecar import PORT as SIDECAR_PORT
+from ...module_utils._ros.conditions import conditions_from
 from ...module_utils._ros.names import resolve
 from .._model import context, names
 from .._model.app import STOP_MARGIN, App
-from .._model.finding import Problem, join_path, repeated
+from .._model.finding import Problem, each, join_path, taken
 from .._model.formats import FORMS, moving_tag, quantity_value
 from .._objects.app import plain_deployment
-from .draft import Draft
+from .draft import Draft, Said
 from .launches import launch_problems
-from .overrides import override_problems
-from .said import Said
-from .when import when_problems
-
-Check = Callable[[App, Said, Draft], Iterator[Problem]]
+from .overrides import inside, override_problems
 
 BEFORE = "command, or hooks: sidecar"
-PRIVATE_TO_NOBODY = "is private to a node, and the app names its nodes itself"
 FILES_BYTES = 900_000  # the API takes no object above a megabyte (kubernetes.io, ConfigMap)
 _MASTER = re.compile(r"(?:^|[\s/;&|(])(?:roscore|rosmaster)(?:$|[\s;&|)])")
 # Programs that an image like ros:noetic has below /opt/ros alone: its PATH does not lead there.
@@ -44,7 +39,14 @@ _GRACE = ("spec", "template", "spec", "terminationGracePeriodSeconds")
 
 def app_problems(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     """All problems of one app whose keys have the types that they have to have."""
-    return itertools.chain.from_iterable(check(app, raw, draft) for check in CHECKS)
+    for check in (
+        _command, _launch, _handoff, _placement, _namespace, _grace, _volumes, _params, _files, _ports, _mounts,
+        _readiness,
+    ):  # fmt: skip
+        yield from check(app, raw, draft)
+    yield from when_problems(app.update.when, "update.when")
+    plain = plain_deployment(app, draft.robot)
+    yield from override_problems(plain, app.overrides, names.APP_CONTAINER, "overrides")
 
 
 def app_warnings(app: App, raw: Said) -> Iterator[Problem]:
@@ -60,28 +62,35 @@ def app_warnings(app: App, raw: Said) -> Iterator[Problem]:
         yield Problem("private_names", f"has no effect with the handoff {app.handoff}")
 
 
-def _name(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    taken = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
-    if app.name in taken:
-        yield Problem("name", f"is {app.name}, the name of {taken[app.name]}", "any other name")
+def when_problems(items: Sequence[Said], path: str) -> Iterator[Problem]:
+    """Problems of what messages must say before an update, as the module on the robot will find them.
+
+    The items passed the schema; `path` is where their list is.
+    """
+    try:
+        conditions_from({"values": items})
+    except SpecError as error:
+        for line in error.details["errors"]:
+            where, _colon, problem = line.partition(": ")
+            allowed = "what ros_ready's option values takes (ansible-doc rosops.fleet.ros_ready)"
+            yield Problem(path + where.removeprefix("values"), problem, allowed)
 
 
-def _words(app: App) -> Iterator[tuple[str, str]]:
+def _words(app: App) -> list[tuple[str, str]]:
     """The words of its command line, each with its place."""
-    for key, words in (("command", app.command), ("args", app.args)):
-        yield from ((f"{key}[{index}]", word) for index, word in enumerate(words))
+    return [*each("command", app.command), *each("args", app.args)]
 
 
-def _second_master(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
-    """Two masters in one namespace share no graph; one of them serves nobody."""
-    allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
+def _command(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
+    others = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
+    if app.name in others:
+        yield Problem("name", f"is {app.name}, the name of {others[app.name]}", "any other name")
+    # two masters in one namespace share no graph; one of them serves nobody
     for place, word in _words(app) if draft.robot.master.mode != "external" else ():
         if _MASTER.search(word):
+            allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
             yield Problem(place, "starts a second ROS master", allowed)
-
-
-def _command(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
-    """The ROS node name is appended to args, and args of our own replace those of the image."""
+    # the ROS node name is appended to args, and args of our own replace those of the image
     if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
             "command",
@@ -105,23 +114,28 @@ def _launch(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
             yield Problem("launch.package", found, "a package, or /the/whole/path")
     if app.hooks == "none":
         yield Problem("hooks", "is none, but what starts the launch file is part of them", "app, or sidecar")
-    for key, said in (("replace", launch.replace), ("overlap", launch.overlap)):
+    for key, said in (("launch.replace", launch.replace), ("launch.overlap", launch.overlap)):
         if said and app.handoff != "overlap":
             found = f"has no effect: handoff is {app.handoff}, so all its nodes are replaced together"
-            yield Problem(f"launch.{key}", found, "pattern: pubsub, or leave it out")
-        for index, node in repeated(said):
-            yield Problem(f"launch.{key}[{index}]", f"names {node} for the second time", "each node once")
-    for index, node in enumerate(launch.overlap):
+            yield Problem(key, found, "pattern: pubsub, or leave it out")
+        for where, node, _first in taken(each(key, said)):
+            yield Problem(where, f"names {node} for the second time", "each node once")
+    for where, node in each("launch.overlap", launch.overlap):
         if node in launch.replace:
-            yield Problem(f"launch.overlap[{index}]", f"is {node}, which launch.replace names, too", "one of the two")
+            yield Problem(where, f"is {node}, which launch.replace names, too", "one of the two")
     for name in app.private_names:
         found = f"names {name}, but a launch file's private names are found on the graph"
         yield Problem("private_names", found, "leave it out")
     yield from launch_problems(app, launch, context.graph_namespace(app, draft.robot))
 
 
-def _node_name(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    """Some commands drop the name that is appended; their nodes are then not where the gate looks for them."""
+def _handoff(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
+    if app.pattern == "action" and app.handoff == "overlap":
+        found = "is overlap for the pattern action: two action servers lose goals"
+        yield Problem("handoff", found, "drain or replace")
+    for reason in app.alone() if app.handoff == "overlap" else ():
+        yield Problem("handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
+    # some commands drop the name that is appended; their nodes are then not where the gate looks for them
     reason = name_is_lost([*app.command, *app.args])
     if reason and app.handoff == "overlap":
         allowed = "handoff: replace, or a command that takes __name:= from its last argument"
@@ -148,25 +162,22 @@ def name_is_lost(words: list[str]) -> str:
     return ""
 
 
-def _handoff(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    if app.pattern == "action" and app.handoff == "overlap":
-        found = "is overlap for the pattern action: two action servers lose goals"
-        yield Problem("handoff", found, "drain or replace")
-    for reason in app.alone() if app.handoff == "overlap" else ():
-        yield Problem("handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
-
-
 def _placement(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
+    master, by_default = draft.robot.master.mode, "" if "placement" in raw else " (the default)"
     if draft.robot.mode == "standalone" and app.placement == "remote":
-        found = f"is remote{_by_default(raw)}, but a standalone robot has no edge host in its cluster"
+        found = f"is remote{by_default}, but a standalone robot has no edge host in its cluster"
         yield Problem("placement", found, "local")
     # a remote pod may be placed on any edge host, of which nobody knows what is plugged in
     if app.devices and app.placement == "remote":
         yield Problem("placement", "is remote, but devices are the robot's", "local, or leave it out")
-
-
-def _by_default(raw: Said) -> str:
-    return "" if "placement" in raw else " (the default)"
+    if app.scope == "fleet" and master == "robot":
+        allowed = "scope: robot, or ros_master_mode shared or external"
+        yield Problem("scope", "is fleet, but each robot has a ROS master of its own", allowed)
+    if app.scope == "fleet" and app.placement == "local":
+        yield Problem("placement", "is local for an app of the whole fleet", "remote")
+    if raw.get("liveness_timeout") and master == "external":
+        found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
+        yield Problem("liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
 
 
 def _namespace(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
@@ -180,16 +191,13 @@ def _namespace(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
         if "ROS_NAMESPACE=" in word and app.readiness.nodes:
             found = "sets ROS_NAMESPACE within the command, so that nobody knows where its node is"
             yield Problem(place, found, "env: {ROS_NAMESPACE: ...}, or __ns:= in args")
-
-
-def _scope(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
-    if app.scope != "fleet":
-        return
-    if draft.robot.master.mode == "robot":
-        allowed = "scope: robot, or ros_master_mode shared or external"
-        yield Problem("scope", "is fleet, but each robot has a ROS master of its own", allowed)
-    if app.placement == "local":
-        yield Problem("placement", "is local for an app of the whole fleet", "remote")
+    if isinstance(app.env.get("ROS_NAMESPACE"), Mapping):
+        found = "is in a Secret, so that nobody knows where its node is"
+        yield Problem("env.ROS_NAMESPACE", found, "the namespace as a text")
+    for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
+        if key in app.env:
+            reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
+            yield Problem(f"env.{key}", reason, "leave it out")
 
 
 def _grace(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
@@ -197,91 +205,58 @@ def _grace(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
     drains, least = app.handoff == "drain" or "drain_deadline" in raw, app.drain_deadline + STOP_MARGIN
     for where, grace in (
         ("termination_grace_period", app.termination_grace_period),
-        (join_path("overrides", *_GRACE), functools.reduce(_inside, _GRACE, app.overrides)),
+        (join_path("overrides", *_GRACE), inside(app.overrides, _GRACE)),
     ):
         if drains and isinstance(grace, int) and grace < least:
             found = f"is {grace} s, less than the drain deadline of {app.drain_deadline} s and {STOP_MARGIN} s to end"
             yield Problem(where, found, f"{least} or more, or a shorter drain_deadline")
 
 
-def _inside(value: Any, key: str) -> Any:
-    return value.get(key) if isinstance(value, Mapping) else None
-
-
 def _volumes(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     declared = [name for name in draft.declared_volumes if isinstance(name, str)]
     modes = {volume.name: volume.access_mode for volume in draft.robot.volumes}
-    for index, mount in enumerate(app.volumes):
-        where, name = f"volumes[{index}]", mount.name
-        if name not in declared:
+    for where, mount in each("volumes", app.volumes):
+        if mount.name not in declared:
             allowed = f"a volume of persistent_storage.volumes: {' or '.join(declared) or 'none is declared'}"
-            yield Problem(f"{where}.name", f"is '{name}', an unknown volume", allowed)
-        if name in [other.name for other in app.volumes[:index]]:
-            yield Problem(f"{where}.name", f"is '{name}' for the second time", "each volume once per app")
-        if modes.get(name) == "ReadOnlyMany" and not mount.read_only:
+            yield Problem(f"{where}.name", f"is '{mount.name}', an unknown volume", allowed)
+        if modes.get(mount.name) == "ReadOnlyMany" and not mount.read_only:
             yield Problem(f"{where}.read_only", "is false, but the volume is ReadOnlyMany", "true")
-
-
-def _files(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
-    form = FORMS["secret-key"]
-    for index, (given, item) in enumerate(zip(raw.get("files") or (), app.files, strict=True)):
-        where = f"files[{index}]"
-        if ("content" in given) == ("secret" in given):
-            found = "has both content and secret" if item.secret else "has neither content nor secret"
-            yield Problem(where, found, "content with the file's text, or the name of a secret that is there")
-        if "key" in given and not item.secret:
-            yield Problem(f"{where}.key", "has no effect without secret", "leave it out")
-        elif item.secret and not form.test(item.key):
-            yield Problem(f"{where}.key", f"is missing, and {item.key} is no key of a Secret", form.allowed)
-    size = sum(len(item.content.encode()) for item in app.files)
-    if size > FILES_BYTES:
-        allowed = f"at most {FILES_BYTES} bytes in one app; larger ones belong into its image or on a volume"
-        yield Problem("files", f"hold {size} bytes", allowed)
+    for where, name, _first in taken(each("volumes", (mount.name for mount in app.volumes), ".name")):
+        yield Problem(where, f"is '{name}' for the second time", "each volume once per app")
 
 
 def _params(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
-    """They are set before the app starts, and who reads one that is everybody's is everybody's business."""
-    if not app.params:
-        return
-    if lacks := _nothing_before(app):
-        yield Problem("params", f"cannot be set before the app starts, as it has {lacks}", BEFORE)
+    """They are set before the app starts, and who reads one that is everybody's is everybody's business.
+
+    What the node has set by itself may be kept, too; what is everybody's stays without that.
+    """
+    # what it lacks to have something of ours done before it starts
+    lacks = "" if app.command or app.hooks == "sidecar" else "no command"
+    lacks = "no hooks" if app.hooks == "none" else lacks
+    kept = [*each("keep_params", app.keep_params)]
+    for key, said, done in (("params", app.params, "set"), ("keep_params", kept, "looked up")):
+        if said and lacks:
+            yield Problem(key, f"cannot be {done} before the app starts, as it has {lacks}", BEFORE)
+    for where, name in [*((f"params.{name}", name) for name in app.params), *kept]:
+        if not name.startswith("/") and not app.readiness.nodes:
+            found = "is private to a node, and the app names its nodes itself"
+            yield Problem(where, found, f"/<node>/{name}")
+    for where, name, _first in taken(kept):
+        yield Problem(where, f"is {name} for the second time", "each name once")
+    for where, name in kept:
+        of_all = any(f"{one}/".startswith(f"{name}/") or f"{name}/".startswith(f"{one}/") for one in app.params)
+        if name.startswith("/") and not of_all:
+            yield Problem(where, f"is {name}, which params do not set, so that it stays", "a name of params")
     space = context.robot_space(app, draft.robot).rstrip("/")
     for name, value in app.params.items():
         where = f"params.{name}"
-        if not name.startswith("/"):
-            if not app.readiness.nodes:
-                yield Problem(where, PRIVATE_TO_NOBODY, f"/<node>/{name}")
-        elif app.handoff == "overlap":
+        if name.startswith("/") and app.handoff == "overlap":
             found = "is read by the version before, too, as handoff is overlap"
             yield Problem(where, found, "a private name, without the slash, or handoff: replace")
-        elif not name.startswith(f"{space}/"):
+        elif name.startswith("/") and not name.startswith(f"{space}/"):
             found = f"is out of the namespace {space} that keeps robots on one master apart"
             yield Problem(where, found, f"{space}{name}")
         yield from _value_problems(value, where)
-
-
-def _keep_params(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    """What the node has set by itself may be kept, too; what is everybody's stays without that."""
-    if not app.keep_params:
-        return
-    if lacks := _nothing_before(app):
-        yield Problem("keep_params", f"cannot be looked up before the app starts, as it has {lacks}", BEFORE)
-    for index, name in enumerate(app.keep_params):
-        where = f"keep_params[{index}]"
-        if name in app.keep_params[:index]:
-            yield Problem(where, f"is {name} for the second time", "each name once")
-        elif not name.startswith("/"):
-            if not app.readiness.nodes:
-                yield Problem(where, PRIVATE_TO_NOBODY, f"/<node>/{name}")
-        elif not any(f"{one}/".startswith(f"{name}/") or f"{name}/".startswith(f"{one}/") for one in app.params):
-            yield Problem(where, f"is {name}, which params do not set, so that it stays", "a name of params")
-
-
-def _nothing_before(app: App) -> str:
-    """What it lacks to have something of ours done before it starts."""
-    if app.hooks == "none":
-        return "no hooks"
-    return "" if app.command or app.hooks == "sidecar" else "no command"
 
 
 def _value_problems(value: Any, path: str) -> Iterator[Problem]:
@@ -300,63 +275,61 @@ def _value_problems(value: Any, path: str) -> Iterator[Problem]:
         yield Problem(path, "is empty (null)", "a text, a number, true, false, a list or a mapping")
 
 
+def _files(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
+    form = FORMS["secret-key"]
+    for (where, item), given in zip(each("files", app.files), raw.get("files") or (), strict=True):
+        if ("content" in given) == ("secret" in given):
+            found = "has both content and secret" if item.secret else "has neither content nor secret"
+            yield Problem(where, found, "content with the file's text, or the name of a secret that is there")
+        if "key" in given and not item.secret:
+            yield Problem(f"{where}.key", "has no effect without secret", "leave it out")
+        elif item.secret and not form.test(item.key):
+            yield Problem(f"{where}.key", f"is missing, and {item.key} is no key of a Secret", form.allowed)
+    size = sum(len(item.content.encode()) for item in app.files)
+    if size > FILES_BYTES:
+        allowed = f"at most {FILES_BYTES} bytes in one app; larger ones belong into its image or on a volume"
+        yield Problem("files", f"hold {size} bytes", allowed)
+
+
 def _ports(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
-    for index, port in enumerate(app.ports):
-        where, before = f"ports[{index}]", app.ports[:index]
-        if port.name in [one.name for one in before]:
-            yield Problem(f"{where}.name", f"is {port.name} for the second time", "a name of its own")
-        if (port.port, port.protocol) in [(one.port, one.protocol) for one in before]:
-            yield Problem(f"{where}.port", f"is {port.port} for the second time", "each port once per app")
+    for where, name, _first in taken(each("ports", (port.name for port in app.ports), ".name")):
+        yield Problem(where, f"is {name} for the second time", "a name of its own")
+    for where, taken_port, _first in taken(each("ports", ((one.port, one.protocol) for one in app.ports), ".port")):
+        yield Problem(where, f"is {taken_port[0]} for the second time", "each port once per app")
+    for where, port in each("ports", app.ports):
         if port.host_port and app.placement == "remote":
-            found = f"is one edge host's, and placement is remote{_by_default(raw)}, so nobody knows whose"
+            by_default = "" if "placement" in raw else " (the default)"
+            found = f"is one edge host's, and placement is remote{by_default}, so nobody knows whose"
             yield Problem(f"{where}.host_port", found, "node_port, which every host has, or placement: local")
         if port.host_port and app.host_network:
             found = f"has no effect, as host_network gives it the host's port {port.port}"
             yield Problem(f"{where}.host_port", found, "leave it out")
-
-
-def _mounts(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    """Kubernetes refuses two mounts at one path, long after validation."""
-    places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks == "app" else {}
-    for key, field, targets in (
-        ("volumes", ".mount_path", [mount.mount_path for mount in app.volumes]),
-        ("files", ".path", [item.path for item in app.files]),
-        ("devices", "", app.devices),
-        ("host_paths", ".mount_path", [mount.mount_path for mount in app.host_paths]),
-    ):
-        for index, target in enumerate(targets):
-            place, bare = f"{key}[{index}]", target.rstrip("/")
-            if (other := places.setdefault(bare, place)) != place:
-                yield Problem(place + field, f"is {bare}, where {other} is mounted already", "a path of its own")
-
-
-def _hooks(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    """The kubelet asks a sidecar by the pod's address."""
+        if app.hooks == "sidecar" and (port.port, port.protocol) == (SIDECAR_PORT, "TCP"):
+            yield Problem(f"{where}.port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
+    # the kubelet asks a sidecar by the pod's address
     if app.hooks == "sidecar" and app.host_network:
         found = "is sidecar, but with host_network its port is the host's, and another app's sidecar has the same"
         yield Problem("hooks", found, "app, or none, or leave host_network out")
-    for index, port in enumerate(app.ports if app.hooks == "sidecar" else ()):
-        if port.port == SIDECAR_PORT and port.protocol == "TCP":
-            yield Problem(f"ports[{index}].port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
 
 
-def _resources(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    requests, limits = app.resources.get("requests") or {}, app.resources.get("limits") or {}
-    for name, asked in requests.items():
+def _mounts(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
+    """Kubernetes refuses two mounts at one path, and a request above its limit, long after validation."""
+    mounts = [
+        *([("the collection's own code", names.CODE_DIR)] if app.hooks == "app" else ()),
+        *each("volumes", (mount.mount_path for mount in app.volumes), ".mount_path"),
+        *each("files", (item.path for item in app.files), ".path"),
+        *each("devices", app.devices),
+        *each("host_paths", (mount.mount_path for mount in app.host_paths), ".mount_path"),
+    ]
+    for where, path, other in taken((where, path.rstrip("/")) for where, path in mounts):
+        found = f"is {path}, where {other.partition('.')[0]} is mounted already"
+        yield Problem(where, found, "a path of its own")
+    limits = app.resources.get("limits") or {}
+    for name, asked in (app.resources.get("requests") or {}).items():
         request, limit = quantity_value(str(asked)), quantity_value(str(limits.get(name)))
         if request is not None and limit is not None and request > limit:
             found = f"is {asked}, above the limit of {limits[name]}"
             yield Problem(f"resources.requests.{name}", found, f"at most {limits[name]}")
-
-
-def _environment(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
-        if key in app.env:
-            reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
-            yield Problem(f"env.{key}", reason, "leave it out")
-    if isinstance(app.env.get("ROS_NAMESPACE"), Mapping):
-        found = "is in a Secret, so that nobody knows where its node is"
-        yield Problem("env.ROS_NAMESPACE", found, "the namespace as a text")
 
 
 def _readiness(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
@@ -365,32 +338,9 @@ def _readiness(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
         found = f"is {ready.interval} s, longer than the timeout of {ready.timeout} s"
         yield Problem("readiness.interval", found, f"at most {ready.timeout}")
     own, namespace = context.graph_node(app, draft.robot), context.graph_namespace(app, draft.robot)
-    for index, name in enumerate(ready.absent if ready.nodes else ()):
+    for where, name in each("readiness.absent", ready.absent if ready.nodes else ()):
         if resolve(name, namespace, own) == own:
-            yield Problem(f"readiness.absent[{index}]", "is the app's own node", "nodes that must be gone")
+            yield Problem(where, "is the app's own node", "nodes that must be gone")
     for kind, items in (("topics", ready.topics), ("services", ready.services), ("actions", ready.actions)):
-        for index, name in repeated([item["name"] for item in items]):
-            found = f"names {name} for the second time"
-            yield Problem(f"readiness.{kind}[{index}]", found, "each name once, with all its conditions")
-
-
-def _liveness(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
-    if raw.get("liveness_timeout") and draft.robot.master.mode == "external":
-        found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
-        yield Problem("liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
-
-
-def _when(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
-    yield from when_problems(app.update.when, "update.when")
-
-
-def _overrides(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
-    plain = plain_deployment(app, draft.robot)
-    yield from override_problems(plain, app.overrides, names.APP_CONTAINER, "overrides")
-
-
-CHECKS: tuple[Check, ...] = (
-    _name, _second_master, _command, _launch, _node_name, _handoff, _placement, _namespace, _scope, _grace, _volumes,
-    _params, _keep_params, _files, _ports, _mounts, _hooks, _resources, _environment, _readiness, _liveness, _when,
-    _overrides,
-)  # fmt: skip
+        for where, name, _first in taken(each(f"readiness.{kind}", (item["name"] for item in items))):
+            yield Problem(where, f"names {name} for the second time", "each name once, with all its conditions")

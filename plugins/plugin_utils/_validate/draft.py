@@ -1,18 +1,74 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be looked at of a robot whose variables may be wrong in part."""
+"""What an operator has written, and what can be looked at of a robot whose variables may be wrong in part."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from .._model.app import App
 from .._model.context import Robot
-from .._model.finding import Problem, join_path
-from .said import Said
+from .._model.finding import join_path
+from .._model.topology import Groups, edge_servers, members
+
+Said = Mapping[str, Any]  # a mapping of the inventory: a host's variables, an app, an archive
+Hosts = Mapping[str, Said]  # variables by host
+
+
+class Inventory(NamedTuple):
+    """Groups, hosts with their variables, where one of these is malformed, and the modes of the robots."""
+
+    groups: Groups
+    hosts: Hosts
+    bad: Mapping[str, Collection[str]]
+    modes: Mapping[str, str]
+
+    def variable(self, host: str, name: str) -> Any:
+        """What is said of a host; None where nothing is."""
+        return self.hosts.get(host, {}).get(name)
+
+    @property
+    def edge_cluster(self) -> list[str]:
+        """The hosts of the shared cluster, servers and agents."""
+        return [*members(self.groups, "edge"), *(robot for robot, mode in self.modes.items() if mode == "agent")]
+
+    @property
+    def clusters(self) -> list[str]:
+        """Of each cluster the host that carries its variables: its first server."""
+        alone = (robot for robot, mode in self.modes.items() if mode == "standalone")
+        return [*edge_servers(self.groups)[:1], *alone]
+
+    def sound(self, host: str, *parts: str | int) -> bool:
+        """Whether nothing is malformed at and below a path of a host's variables."""
+        path = join_path("hosts", host, *parts)
+        return not any(item == path or item.startswith((path + ".", path + "[")) for item in self.bad.get(host, ()))
+
+    def draft(self, robot: str) -> Draft:
+        """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
+        variables, storage = self.hosts.get(robot, {}), self.variable(robot, "persistent_storage")
+        apps, volumes = _listed(variables, "ros_apps"), _listed(storage, "volumes")
+        sound = [index for index in range(len(apps)) if self.sound(robot, "ros_apps", index)]
+        whole = [
+            item for index, item in enumerate(volumes) if self.sound(robot, "persistent_storage", "volumes", index)
+        ]
+        kept = {name: value for name, value in variables.items() if self.sound(robot, name)}
+        kept |= {"ros_apps": [apps[index] for index in sound], "persistent_storage": {"volumes": whole}}
+        made = Robot.from_variables(kept, robot)
+        return Draft(
+            made,
+            tuple((f"hosts.{robot}.ros_apps[{at}]", app, apps[at]) for at, app in zip(sound, made.apps, strict=True)),
+            tuple(app if isinstance(app, dict) else {} for app in apps),
+            tuple(item.get("name") for item in volumes if isinstance(item, dict)),
+        )
+
+
+def _listed(said: Any, key: str) -> list[Any]:
+    """What should be a list; empty where it is none."""
+    found = said.get(key) if isinstance(said, dict) else None
+    return found if isinstance(found, list) else []
 
 
 @dataclass(frozen=True)
@@ -20,11 +76,11 @@ class Draft:
     """A robot made of what the schema accepts, and what its owner declared beside that.
 
     What is declared wrongly is still there: such a volume is not unknown as well, and such an app has its name.
-    `positions` are the places of the robot's apps in ros_apps.
+    `apps`: each with its path, as it is completed, and as its owner wrote it.
     """
 
     robot: Robot
-    positions: tuple[int, ...]
+    apps: tuple[tuple[str, App, Said], ...]
     declared_apps: tuple[Said, ...]
     declared_volumes: tuple[Any, ...]
 
@@ -32,35 +88,3 @@ class Draft:
     def path(self) -> str:
         """Where the robot's variables are."""
         return f"hosts.{self.robot.name}"
-
-    def apps(self) -> Iterator[tuple[str, App, Said]]:
-        """Each app with its path, as it is completed and as its owner wrote it."""
-        for app, position in zip(self.robot.apps, self.positions):
-            yield join_path(self.path, "ros_apps", position), app, self.declared_apps[position]
-
-
-def draft(robot: str, variables: Said, wrong: Sequence[Problem]) -> Draft:
-    """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
-    bad = {problem.path for problem in wrong}
-
-    def sound(*parts: str | int) -> bool:
-        path = join_path("hosts", robot, *parts)
-        return not any(item == path or item.startswith((path + ".", path + "[")) for item in bad)
-
-    apps, storage = variables.get("ros_apps"), variables.get("persistent_storage")
-    apps = apps if isinstance(apps, list) else []
-    volumes = storage.get("volumes") if isinstance(storage, dict) else None
-    volumes = volumes if isinstance(volumes, list) else []
-    positions = tuple(index for index in range(len(apps)) if sound("ros_apps", index))
-    kept = {name: value for name, value in variables.items() if sound(name)}
-    kept["ros_apps"] = [apps[index] for index in positions]
-    kept["persistent_storage"] = {
-        "volumes": [item for index, item in enumerate(volumes) if sound("persistent_storage", "volumes", index)]
-    }
-    declared = tuple(app if isinstance(app, dict) else {} for app in apps)
-    return Draft(
-        Robot.from_variables(kept, robot),
-        positions,
-        declared,
-        tuple(item.get("name") for item in volumes if isinstance(item, dict)),
-    )

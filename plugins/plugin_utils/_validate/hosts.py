@@ -1,92 +1,185 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The variables of ours among everything that an inventory says about its hosts."""
+"""Checks between hosts, of what they are to their clusters, and of the archives that they get their images from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from ...module_utils._common.errors import SpecError
-from .._model.finding import Problem
-from .._model.secrets import redact
-from .explain import nearest_name
-from .layers import LAYERS
-from .refused import INSTEAD
-from .said import Hosts, Said
-from .schema import needed
-from .schema import variables as known_variables
+from .._model.finding import Problem, each, taken
+from .._model.fleet import Fleet
+from .._model.formats import FORMS, quantity_value
+from .._model.machines import Version, version
+from .._model.role_specs import role_options
+from .._model.topology import EDGE_CLUSTER, Groups, edge_servers, members
+from .._objects.parts import images
+from .._observability.spec import ROBOT
+from .draft import Hosts, Inventory, Said
 
-# Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`
-# are not on the list: an inventory may well have a robot_model of its own.
-OWN_PREFIXES = (
-    "k3s_",
-    "images_",
-    "preflight_",
-    "ros_app",
-    "ros_master",
-    "observability_",
-    "robot_namespace",
-    "persistent_",
-)
-MISSPELT = 0.8
-# What robots are made of is handed on as it is. A robot itself holds no secret of ours; what is in an app's own
-# environment is as open as the Deployment that shows it.
-HANDED_ON = ("ros_apps", *LAYERS, "ros_master_overrides", "ros_master_keeper_overrides", "persistent_storage")
+SERVER_COUNTS = (1, 3)
+PORTS = ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port")
+LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
+DAY = 86400
+_SECONDS = {"ms": 0.001, "s": 1, "m": 60, "h": 3600, "d": DAY, "w": 7 * DAY, "y": 365 * DAY}
+
+# What archives hold in the place of an image; nothing where one has it, or nobody can see.
+Instead = Callable[[Sequence[Said], str], Sequence[str]]
 
 
-def fleet_hosts(hostvars: Hosts, names: Iterable[str]) -> dict[str, Said]:
-    """`{host: {variable: value}}` to check: known variables and misspelt ones, secrets replaced by numbers."""
-    seen: dict[Any, str] = {}
-    problems: list[Problem] = []
-    hosts = {str(name): _picked(hostvars, str(name), seen, problems) for name in names}
-    if problems:
-        lines = "\n".join(problem.line() for problem in problems)
-        raise SpecError(f"variables that cannot be read:\n{lines}", errors=[problem.as_dict() for problem in problems])
-    return hosts
+def host_problems(there: Inventory) -> Iterator[Problem]:
+    """Everything that keeps hosts from making a fleet together."""
+    for check in (_groups, _names, _agreement, _versions):
+        yield from check(there)
+    for host in there.clusters:
+        given = {name: value for name, value in there.hosts.get(host, {}).items() if there.sound(host, name)}
+        if (given.get("observability") or {}).get("enabled"):
+            yield from _observability(f"hosts.{host}", given, there.modes.get(host) == "standalone")
 
 
-def variables_of(hostvars: Hosts, host: str) -> Said:
-    """Those of a host; none of one that is not there."""
-    return hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
+def _groups(there: Inventory) -> Iterator[Problem]:
+    edge, robots = members(there.groups, "edge"), members(there.groups, "robots")
+    if not edge and not robots:
+        yield Problem("groups", "has no host in edge or robots", "hosts in the groups edge and robots")
+    for host in robots:
+        if host in edge:
+            yield Problem(f"groups.robots.{host}", "is in edge too", "a host in edge or in robots, not in both")
+        if host == EDGE_CLUSTER:
+            yield Problem(f"groups.robots.{host}", "is the name of the shared cluster", "any other name")
+    agents = [robot for robot in robots if there.modes[robot] == "agent"]
+    if agents and not edge:
+        found = f"is empty, but {', '.join(agents)} must join its cluster"
+        yield Problem("groups.edge", found, "a host in edge, or robot_mode: standalone")
+    # it would silently be left out of the fleet
+    for host in there.hosts:
+        if host not in edge and host not in robots:
+            yield Problem(f"hosts.{host}", "is in neither of the groups edge and robots", "each host in one of them")
+    named, servers = members(there.groups, "k3s_server"), edge_servers(there.groups)
+    for host in named:
+        if host not in edge:
+            yield Problem(f"groups.k3s_server.{host}", "is not in edge", "hosts of the group edge")
+    # embedded etcd keeps its majority with an odd number of members; two are worse than one
+    if servers and len(servers) not in SERVER_COUNTS:
+        where = "groups.k3s_server" if named else "groups.edge"
+        hint = "" if named else " (name them in the group k3s_server; the other edge hosts join as agents)"
+        yield Problem(where, f"gives the cluster {len(servers)} servers", f"1 or 3 servers{hint}")
 
 
-def _picked(hostvars: Hosts, host: str, seen: dict[Any, str], problems: list[Problem]) -> Said:
-    variables = variables_of(hostvars, host)
-    picked: dict[str, Any] = {}
-    for name in variables:
-        if name in INSTEAD:
-            picked[name] = None  # whatever its value is, it has no effect
-        elif is_ours(str(name)):
-            try:
-                # a variable may be templated piece by piece, as it is read
-                picked[str(name)] = _read(str(name), variables[name], seen)
-            except Exception as error:  # the templar raises a dozen kinds for an undefined or malformed template
-                if not needed(str(name)):
-                    continue  # such a value may rest on what only the role's own play knows; the role will look at it
-                reason = str(error).split("\n", maxsplit=1)[0]
-                problems.append(
-                    Problem(f"hosts.{host}.{name}", f"cannot be templated: {reason}", "a value that is defined")
-                )
-    return picked
+def _names(there: Inventory) -> Iterator[Problem]:
+    """Names become Kubernetes nodes, labels and namespaces: lower case, and apart from each other there."""
+    for group, form in (("robots", FORMS["robot-name"]), ("edge", FORMS["dns-name"])):
+        for host in members(there.groups, group):
+            if not form.test(host):
+                yield Problem(f"groups.{group}.{host}", "is no name for a Kubernetes node", form.allowed)
+    names = dict.fromkeys([*members(there.groups, "edge"), *members(there.groups, "robots")])
+    for host, _name, other in taken((name, name.lower().replace("_", "-")) for name in names):
+        found = f"clashes with {other} once both are Kubernetes names"
+        yield Problem(f"groups.{host}", found, "names that differ in more than case, - and _")
+    # two hosts of one node name would take each other's place in the cluster
+    for host, node, other in taken((host, str(own.get("k3s_node_name") or host)) for host, own in there.hosts.items()):
+        yield Problem(f"hosts.{host}.k3s_node_name", f"is {node} as that of {other}", "a name of its own")
 
 
-def _read(name: str, value: Any, seen: dict[Any, str]) -> Any:
-    return _copied(value) if name in HANDED_ON else redact({name: value}, seen)[name]
+def _agreement(there: Inventory) -> Iterator[Problem]:
+    """Servers with different tokens form no cluster; nor do agents whose agent token nobody knows.
+
+    Every cluster carries the fleet's name, so an inventory has one.
+    """
+    of_cluster = f"for the cluster {EDGE_CLUSTER}, in the group_vars of its hosts"
+    for name, sharers, allowed in (
+        ("k3s_token", edge_servers(there.groups), of_cluster),
+        ("k3s_agent_token", there.edge_cluster, of_cluster),
+        ("fleet_name", there.hosts, "for all hosts, in the group_vars of all"),
+    ):
+        # a host that says nothing has the token from elsewhere; a name that it does not say is another name
+        saying = [host for host in sharers if name == "fleet_name" or name in there.hosts.get(host, {})]
+        for host in saying[1:]:
+            if there.variable(host, name) != there.variable(saying[0], name):
+                yield Problem(f"hosts.{host}.{name}", f"differs from the one of {saying[0]}", f"one {name} {allowed}")
+    said = first_servers(there.groups, there.hosts)
+    allowed = f"the same for all servers: one of {', '.join(sorted(said))}, or nothing"
+    for host, first in said.items():
+        if first and (first not in said or set(said.values()) != {first}):
+            yield Problem(f"hosts.{host}.k3s_first_server", f"is {first}", allowed)
 
 
-def _copied(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _copied(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_copied(item) for item in value]
-    return value
+def _versions(there: Inventory) -> Iterator[Problem]:
+    """A kubelet must not be newer than its API server. What an airgap directory holds is seen later."""
+
+    def known(host: str) -> Version | None:
+        airgap = there.variable(host, "k3s_install_source") == "airgap"
+        return None if airgap else version(str(there.variable(host, "k3s_version") or ""))
+
+    servers = {host: known(host) for host in edge_servers(there.groups)}
+    for host in there.edge_cluster:
+        own = None if host in servers else known(host)
+        older = next((server for server, its in servers.items() if own and its and own.newer_than(its)), "")
+        if older:
+            says, its = (there.variable(one, "k3s_version") for one in (host, older))
+            found = f"is {says}, newer than {its} of the server {older}"
+            yield Problem(f"hosts.{host}.k3s_version", found, "servers that are as new as their agents, or newer")
 
 
-def is_ours(name: str) -> bool:
-    """Whether a variable is one of the collection's, or looks like a misspelt one."""
-    known = known_variables()
-    if name in known or name in INSTEAD:
-        return True
-    return name.startswith(OWN_PREFIXES) and nearest_name(name, known, MISSPELT) is not None
+def first_servers(groups: Groups, hosts: Hosts) -> dict[str, str]:
+    """The first server by the word of each of them; mostly none says anything."""
+    return {host: str(hosts.get(host, {}).get("k3s_first_server") or "") for host in edge_servers(groups)}
+
+
+def _observability(path: str, given: Said, alone: bool) -> Iterator[Problem]:
+    """Of the cluster of the host that carries its variables; what is malformed was reported as such."""
+    if given.get("observability_profile") == ROBOT:
+        if not alone:
+            allowed = "standalone or hub; robot is for a robot with robot_mode: standalone"
+            yield Problem(f"{path}.observability_profile", "is 'robot' for a cluster of several hosts", allowed)
+        elif not given.get("observability_hub_url"):
+            yield Problem(f"{path}.observability_hub_url", "is missing", "the hub's address, such as http://192.0.2.10")
+    store = quantity_value(str(given.get("observability_store_size", LEAST_STORE)))
+    if store is not None and store < (quantity_value(LEAST_STORE) or 0):
+        yield Problem(f"{path}.observability_store_size", "is too small for a queue", f"{LEAST_STORE} or more")
+    retention = (given["observability"].get("loki") or {}).get("retention", "24h")
+    if seconds(retention) < DAY:
+        yield Problem(
+            f"{path}.observability.loki.retention", f"is '{retention}'", "24h or more: Loki keeps its index by the day"
+        )
+    defaults = role_options("observability")
+    for name, port, other in taken((name, str(given.get(name, defaults[name]["default"]))) for name in PORTS):
+        yield Problem(f"{path}.{name}", f"is {port} as {other}", "a port of its own")
+
+
+def seconds(duration: str) -> float:
+    """A duration as Prometheus writes it.
+
+    >>> seconds("1d12h")
+    129600.0
+    """
+    parts = re.findall(r"([0-9]+)(ms|[smhdwy])", duration)
+    return float(sum(int(number) * _SECONDS[unit] for number, unit in parts))
+
+
+def archive_problems(hosts: Hosts, unusable: Callable[[str], str]) -> Iterator[Problem]:
+    """Archives of which it is seen here that no node can take them."""
+    for host, variables in hosts.items():
+        for where, item in each(f"hosts.{host}.images_archives", _archives(variables), ".path"):
+            if wrong := unusable(item["path"]):
+                yield Problem(where, wrong)
+
+
+def image_warnings(fleet: Fleet, hosts: Hosts, instead: Instead) -> Iterator[Problem]:
+    """Images that hosts with archives will pull all the same, though nobody says so in `images_refs`."""
+    remote = sorted({image for robot in fleet.robots.values() for image in images(robot, "remote")})
+    for host, variables in hosts.items():
+        archives = _archives(variables)
+        if not archives:
+            continue
+        for image in images(fleet.robots[host], "local") if host in fleet.robots else remote:
+            if image not in (variables.get("images_refs") or ()) and (held := instead(archives, image)):
+                told = f"none of them has {image}, so the node will pull it (images_refs says that this is meant)"
+                yield Problem(f"hosts.{host}.images_archives", f"{told}; they hold {', '.join(held)}")
+
+
+def _archives(variables: Said) -> list[Said]:
+    """The items of `images_archives` that have a path; others may be wrong."""
+    given = variables.get("images_archives")
+    items = given if isinstance(given, list) else []
+    return [item for item in items if isinstance(item, Mapping) and isinstance(item.get("path"), str)]

@@ -1,38 +1,201 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stands in an inventory and does not do what it says: no role reads it there, or Ansible takes it otherwise."""
+"""The variables of ours among everything that an inventory says about its hosts, and what does not do there what it
+says: nothing reads it, no role reads it there, or Ansible takes it otherwise."""
 
 from __future__ import annotations
 
 import functools
+import math
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
-from .._model.finding import Problem
-from .._model.listed import wrong_waves
-from .._model.pythons import too_old
-from .explain import nearest_name
-from .hosts import is_ours, variables_of
-from .said import Hosts, Said
+from ...module_utils._common.errors import SpecError
+from .._model.finding import Problem, join_path, shown, taken
+from .._model.formats import wrong_waves
+from .._model.machines import too_old
+from .._model.merge import LAYERS, layered
+from .._model.secrets import redact
+from .draft import Hosts, Said
+from .schema import nearest_name, needed
 from .schema import variables as known_variables
 
+# Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`
+# are not on the list: an inventory may well have a robot_model of its own.
+OURS = re.compile("k3s_|images_|preflight_|ros_app|ros_master|observability_|robot_namespace|persistent_")
+MISSPELT = 0.8
+# What robots are made of is handed on as it is. A robot itself holds no secret of ours; what is in an app's own
+# environment is as open as the Deployment that shows it.
+HANDED_ON = ("ros_apps", *LAYERS, "ros_master_overrides", "ros_master_keeper_overrides", "persistent_storage")
 NEAR = 0.9
 THEIRS = ("robot_model",)  # a name that an inventory is likely to have of its own
 SSH = ("", "ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh")
 WAVES, GIVEN = "update_waves", '-e \'{"update_waves": [1, "25%", "100%"]}\''
 
+# Keys of a Rigelfile; docs/rigel.md has all of them.
+RIGEL = {
+    "additional_k8s_params": "the keys and overrides of an app in ros_apps; for the master ros_master_overrides",
+    "deploy_ros_master": "ros_master_mode, which is robot, shared, or external with ros_master_uri",
+    "distributed": "placement of an app in ros_apps, which is local or remote",
+    "readiness": "readiness of an app in ros_apps",
+    "rolling_update": "pattern or handoff of an app in ros_apps",
+    "ros_version": "nothing: an app's image has its ROS, and that is ROS 1; ROS 2 is not served",
+}
+# Variables of versions before 1.0.0. Those of observability that are keys of its mapping now:
+_IN_THE_MAPPING = {
+    "enabled": "enabled",
+    "prometheus_enabled": "prometheus.enabled",
+    "scrape_interval": "prometheus.scrape_interval",
+    "evaluation_interval": "prometheus.evaluation_interval",
+    "prometheus_retention": "prometheus.retention",
+    "loki_enabled": "loki.enabled",
+    "loki_retention": "loki.retention",
+    "loki_persistence": "loki.persistence.enabled",
+    "loki_size": "loki.persistence.size",
+    "grafana_enabled": "grafana.enabled",
+    "grafana_admin_password": "grafana.admin_password",
+    "default_dashboards": "grafana.default_dashboards",
+    "grafana_service_type": "grafana.service_type",
+    "grafana_persistence": "grafana.persistence.enabled",
+    "grafana_size": "grafana.persistence.size",
+    "node_exporter": "node_exporter",
+    "ros_metrics": "ros_metrics",
+}
+_IMAGES = ("prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent")
+_STORAGE = "nothing: it is /var/lib/rancher/k3s/storage, where another disk may be mounted"
+_DROP_IN = "MemoryHigh or MemoryMax in a drop-in of the unit k3s or k3s-agent"
+GONE = {
+    **{
+        f"{role}_{name}": f"update_{name}, which counts for every change of a host"
+        for role in ("k3s", "guarded")
+        for name in ("on_busy", "busy_timeout", "failure_budget")
+    },
+    **{f"observability_{name}": f"{key} in the mapping observability" for name, key in _IN_THE_MAPPING.items()},
+    **{f"observability_{name}_image": f"observability_images: {{{name}: ...}}" for name in _IMAGES},
+    "collect_storage_path": _STORAGE,
+    "guarded_name": "nothing: a change is called as the file of its tasks",
+    "images_logins": "robot_namespace_pull_secrets",
+    "images_needed": "images_refs",
+    "k3s_disable": "disable in k3s_config",
+    "k3s_memory_high": _DROP_IN,
+    "k3s_memory_max": _DROP_IN,
+    "node_name": "k3s_node_name",
+    "node_ready_timeout": "k3s_start_timeout",
+    "observability_alertmanager_enabled": "observability_alertmanager_config: with one Alertmanager runs",
+    "observability_claims_path": _STORAGE,
+    "preflight_interface": "flannel-iface in k3s_config",
+}
+INSTEAD = {**RIGEL, **GONE}
 
-def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> list[Problem]:
+
+def fleet_hosts(hostvars: Hosts, names: Iterable[str], problems: list[Problem]) -> dict[str, Said]:
+    """`{host: {variable: value}}` to check: known variables and misspelt ones, all apps of a robot in one list, secrets
+    replaced by numbers. What is no variable any more, and what YAML can say beyond JSON's types, becomes a problem.
+
+    SpecError names everything that cannot be templated.
+    """
+    seen: dict[str, str] = {}
+    unread: list[Problem] = []
+    hosts = {name: _picked(variables_of(hostvars, name), f"hosts.{name}", seen, problems, unread) for name in names}
+    if unread:
+        lines = "\n".join(problem.line() for problem in unread)
+        raise SpecError(f"variables that cannot be read:\n{lines}", errors=[problem._asdict() for problem in unread])
+    return {name: layered(said, f"hosts.{name}", problems) for name, said in hosts.items()}
+
+
+def variables_of(hostvars: Hosts, host: str) -> Said:
+    """Those of a host; none of one that is not there."""
+    return hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
+
+
+def _picked(
+    variables: Said, path: str, seen: dict[str, str], problems: list[Problem], unread: list[Problem]
+) -> dict[str, Any]:
+    picked: dict[str, Any] = {}
+    for name in map(str, variables):
+        where = join_path(path, name)
+        if name in INSTEAD:  # whatever its value is, it has no effect
+            found = "is a key of a Rigelfile and has no effect here" if name in RIGEL else "is no variable any more"
+            problems.append(Problem(where, found, INSTEAD[name]))
+        elif is_ours(name):
+            try:
+                # a variable may be templated piece by piece, as it is read
+                value = plain(variables[name], where, problems)
+            except Exception as error:  # the templar raises a dozen kinds for an undefined or malformed template
+                if needed(name):  # else it may rest on what only the role's own play knows; the role will look at it
+                    reason = str(error).split("\n", maxsplit=1)[0]
+                    unread.append(Problem(where, f"cannot be templated: {reason}", "a value that is defined"))
+            else:
+                picked[name] = value if name in HANDED_ON else redact(name, value, seen)
+    return picked
+
+
+def plain(value: Any, path: str, problems: list[Problem]) -> Any:
+    """The value with text keys and JSON's types only; what YAML can say beyond that becomes a problem.
+
+    YAML reads `on:` as a key that is true, `2026-01-01` as a date and `8080:` as a key that is a number.
+    """
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                problems.append(Problem(path, f"has the key {shown(key)}, which is no text", "keys in quotes"))
+        return {str(key): plain(item, join_path(path, str(key)), problems) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, join_path(path, index), problems) for index, item in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        problems.append(Problem(path, f"is {value}", "a finite number"))
+        return 0
+    if value is None or isinstance(value, (bool, int, float)):
+        return value
+    if not isinstance(value, str):
+        kind = next(name for name in (kind.__name__ for kind in type(value).__mro__) if name[0] != "_")  # Ansible's own
+        problems.append(Problem(path, f"is a {kind}", "text (in quotes), a number, true or false, a list, a mapping"))
+    return str(value)
+
+
+def is_ours(name: str) -> bool:
+    """Whether a variable is one of the collection's, or looks like a misspelt one."""
+    known = known_variables()
+    if name in known or name in INSTEAD:
+        return True
+    return OURS.match(name) is not None and nearest_name(name, known, MISSPELT) is not None
+
+
+def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> Iterator[Problem]:
     """Of these hosts; `given` is what was given with `-e`."""
-    listed = list(names)
-    return [
-        *_slice(given),
-        *_waves(hostvars, listed, given),
-        *_given_waves(given),
-        *_addresses(hostvars, listed),
-        *_pythons(hostvars, listed),
-    ]
+    # A sliced job template of AWX is a workflow of the template's own name, each job with some of the hosts alone. AWX
+    # tells a job nothing else of that, so a workflow of somebody's own must not have the name of its template.
+    template = given.get("awx_job_template_name")
+    if template and given.get("awx_workflow_job_name") == template:
+        yield Problem(
+            "groups",
+            f"may have only some of the hosts: this job's workflow is named as its job template, {template}, which AWX "
+            "does where it slices one; a slice would make other hosts servers",
+            "1 for the template's job slicing (job_slice_count), as update_waves says how many hosts are changed at "
+            "once; for a workflow that slices nothing another name",
+        )
+    if wrong := wrong_waves(given.get(WAVES)):
+        yield Problem(WAVES, wrong, "numbers above 0 and percentages, such as 1, 25%, 100%")
+    at: list[tuple[str, tuple[str, str]]] = []
+    for host in names:
+        own = variables_of(hostvars, host)
+        address, port, connection = (_read(own, f"ansible_{key}") for key in ("host", "port", "connection"))
+        if address and connection in SSH:
+            at.append((host, (address, port or "22")))
+        # a play's waves are cut before any host's variables are there, so its canary would not be one
+        if WAVES in own and WAVES not in given:
+            yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
+        # only where the inventory names the Python with its version; preflight says it of all
+        program = _read(own, "ansible_python_interpreter")
+        named = re.search(r"python(\d[.]\d+)$", program)
+        if named and (old := too_old(named[1])):
+            yield Problem(f"hosts.{host}.ansible_python_interpreter", f"is {program}: the host {old}")
+    # one machine would be two hosts, each undoing what is done to the other
+    for host, place, other in taken(at):
+        allowed = "an address of its own, or the ansible_port of its own behind one"
+        yield Problem(f"hosts.{host}.ansible_host", f"is {place[0]} as that of {other}", allowed)
 
 
 def near_misses(hostvars: Hosts, names: Iterable[str]) -> list[Problem]:
@@ -50,58 +213,6 @@ def _near(name: str) -> str:
     if is_ours(name) or name in THEIRS or name.startswith("ansible_"):
         return ""
     return nearest_name(name, known_variables(), NEAR) or ""
-
-
-def _waves(hostvars: Hosts, names: list[str], given: Collection[str]) -> Iterator[Problem]:
-    """A play's waves are cut before any host's variables are there, so its canary would not be one."""
-    for host in names:
-        if WAVES in variables_of(hostvars, host) and WAVES not in given:
-            yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
-
-
-def _slice(given: Said) -> Iterator[Problem]:
-    """A sliced job template of AWX is a workflow of the template's own name, each job with some of the hosts alone.
-
-    AWX tells a job nothing else of that, so a workflow of somebody's own must not have the name of its template.
-    """
-    template = given.get("awx_job_template_name")
-    if template and given.get("awx_workflow_job_name") == template:
-        yield Problem(
-            "groups",
-            f"may have only some of the hosts: this job's workflow is named as its job template, {template}, which AWX "
-            "does where it slices one; a slice would make other hosts servers",
-            "1 for the template's job slicing (job_slice_count), as update_waves says how many hosts are changed at "
-            "once; for a workflow that slices nothing another name",
-        )
-
-
-def _given_waves(given: Said) -> Iterator[Problem]:
-    wrong = wrong_waves(given.get(WAVES))
-    if wrong:
-        yield Problem(WAVES, wrong, "numbers above 0 and percentages, such as 1, 25%, 100%")
-
-
-def _addresses(hostvars: Hosts, names: list[str]) -> Iterator[Problem]:
-    """One machine would be two hosts, each undoing what is done to the other."""
-    first: dict[tuple[str, str], str] = {}
-    for host in names:
-        own = variables_of(hostvars, host)
-        address, port, connection = (_read(own, f"ansible_{key}") for key in ("host", "port", "connection"))
-        if not address or connection not in SSH:
-            continue
-        other = first.setdefault((address, port or "22"), host)
-        if other != host:
-            allowed = "an address of its own, or the ansible_port of its own behind one"
-            yield Problem(f"hosts.{host}.ansible_host", f"is {address} as that of {other}", allowed)
-
-
-def _pythons(hostvars: Hosts, names: list[str]) -> Iterator[Problem]:
-    """Only of a host whose inventory names its Python with the version; preflight says it of all."""
-    for host in names:
-        program = _read(variables_of(hostvars, host), "ansible_python_interpreter")
-        named = re.search(r"python(\d[.]\d+)$", program)
-        if named and (wrong := too_old(named[1])):
-            yield Problem(f"hosts.{host}.ansible_python_interpreter", f"is {program}: the host {wrong}")
 
 
 def _read(own: Said, name: str) -> str:

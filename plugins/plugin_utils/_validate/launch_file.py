@@ -76,16 +76,16 @@ class Node:
         return resolve(words[2], self.name.rpartition("/")[0], self.name)
 
 
-@dataclass(frozen=True)
+@dataclass
 class LaunchFile:
     """`takes` are the arguments that it has a use for; `problems` have their paths below the app's `launch`.
 
     `whole`: it includes no other file. `passes_all`: an include gets all arguments, so that any may have a use.
     """
 
-    nodes: tuple[Node, ...] = ()
-    takes: frozenset[str] = frozenset()
-    problems: tuple[Problem, ...] = ()
+    nodes: list[Node] = field(default_factory=list)
+    takes: set[str] = field(default_factory=set)
+    problems: list[Problem] = field(default_factory=list)
     whole: bool = True
     passes_all: bool = False
 
@@ -100,11 +100,12 @@ def read(path: str, text: str, args: Mapping[str, str], namespace: str = "/") ->
         parser.Parse(text, True)
     except expat.ExpatError as error:
         found = f"{path}, line {error.lineno}, is no XML: {expat.ErrorString(error.code)}"
-        return LaunchFile(problems=(Problem("file", found, "the text of a launch file"),), whole=False)
+        return LaunchFile(problems=[Problem("file", found, "the text of a launch file")], whole=False)
     except _EntityError as error:
         found = f"{path}, line {parser.CurrentLineNumber}, declares the entity {error}"
-        return LaunchFile(problems=(Problem("file", found, "a launch file without entities of its own"),), whole=False)
-    return reader.result(text)
+        return LaunchFile(problems=[Problem("file", found, "a launch file without entities of its own")], whole=False)
+    reader.ended(text)
+    return reader.file
 
 
 class _EntityError(Exception):
@@ -133,13 +134,9 @@ class _Reader:
 
     def __init__(self, path: str, given: Mapping[str, str], namespace: str) -> None:
         self.path, self.given = path, given
-        self.scopes = [_Scope("", namespace, dict(given))]
-        self.nodes: list[Node] = []
-        self.problems: list[Problem] = []
-        self.declared: set[str] = set()
+        self.scopes, self.file = [_Scope("", namespace, dict(given))], LaunchFile()
         self.machines: dict[str, str] = {}  # name -> address
         self.default_machine = ""
-        self.whole, self.passes_all = True, False
 
     def start(self, tag: str, attributes: Mapping[str, str], line: int) -> None:
         outer, place = self.scopes[-1], f"{self.path}, line {line}"
@@ -151,7 +148,7 @@ class _Reader:
         elif tag != "launch":
             self._problem("file", f"{place}: begins with <{tag}>", "a launch file, which begins with <launch>")
         if tag == "arg" and outer.tag in _HOLDERS:
-            self.declared.add(said.get("name", ""))  # also where its condition does not hold
+            self.file.takes.add(said.get("name", ""))  # also where its condition does not hold
         self.scopes.append(scope)
         if scope.there and outer.tag in _HOLDERS:
             self._element(scope, said, place)
@@ -163,24 +160,18 @@ class _Reader:
         if scope.node:
             values = [*scope.values, *(word.rpartition(":=")[2] for word in scope.node.words)]
             devices = tuple(value for value in values if is_known(value) and _DEVICE.match(value))
-            self.nodes.append(replace(scope.node, devices=devices))
+            self.file.nodes.append(replace(scope.node, devices=devices))
 
-    def result(self, text: str) -> LaunchFile:
-        for node in self.nodes:
-            address = self.machines.get(node.machine, "" if self.whole else _LEFT)
+    def ended(self, text: str) -> None:
+        self.file.takes |= _used(text)
+        for node in self.file.nodes:
+            address = self.machines.get(node.machine, "" if self.file.whole else _LEFT)
             if node.machine and not _is_here(node.machine, address):
                 found = f"{node.place}: {node.name} is to start on the machine {node.machine}"
                 self._problem("file", found, "a node without machine=: all nodes of an app are in its pod")
-        return LaunchFile(
-            tuple(self.nodes),
-            frozenset(self.declared | _used(text)),
-            tuple(self.problems),
-            self.whole,
-            self.passes_all,
-        )
 
     def _problem(self, key: str, found: str, allowed: str) -> None:
-        self.problems.append(Problem(key, found, allowed))
+        self.file.problems.append(Problem(key, found, allowed))
 
     def _element(self, scope: _Scope, said: Mapping[str, str], place: str) -> None:
         if scope.tag == "arg":
@@ -190,8 +181,8 @@ class _Reader:
         elif scope.tag == "node":
             self._node(scope, said, place)
         elif scope.tag == "include":
-            self.whole = False
-            self.passes_all |= said.get("pass_all_args", "false").lower() != "false"
+            self.file.whole = False
+            self.file.passes_all |= said.get("pass_all_args", "false").lower() != "false"
         elif scope.tag == "machine":
             self.machines[said.get("name", "")] = said.get("address", "") if scope.sure else _LEFT
             if said.get("default", "").lower() == "true":

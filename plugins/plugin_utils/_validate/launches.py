@@ -8,13 +8,41 @@ Where it is in the image only, nothing is judged here: what the graph of the rob
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 from ...module_utils._pod.launch import named
 from .._model.app import App, File, Launch, env_value
-from .._model.finding import Problem
+from .._model.finding import Problem, each
 from .launch_file import LaunchFile, Node, is_known, read
-from .single_nodes import why_single
+
+_POSE = "two estimates of where the robot is would fight"
+_MAP = "two would make two maps, and both say where the robot is"
+_MOVES = "two of it would both move the robot"
+_DEVICE = "it has one device, and the two would both drive it"
+
+# Well-known nodes of which there must not be two: package -> the types of its nodes and nodelets, as a pattern, and the
+# reason. The same as users read in docs/apps.md, "Common packages". What is not in here the graph of the robot judges
+# when it is updated (`_update/obstacles.py`); but neither a device nor a file that both would write to shows there.
+SINGLE: dict[str, tuple[str, str]] = {
+    "amcl": ("amcl", _POSE),
+    "robot_localization": ("(?i:ekf|ukf).*", _POSE),
+    "robot_pose_ekf": ("robot_pose_ekf", _POSE),
+    "gmapping": ("(?i:slam_?gmapping).*", _MAP),
+    "hector_mapping": ("hector_mapping", _MAP),
+    "slam_toolbox": (".*slam_toolbox_node", _MAP),
+    "cartographer_ros": ("cartographer_(offline_)?node", _MAP),
+    "move_base": ("move_base", "it serves an action, of which two servers lose goals, and " + _MOVES),
+    "twist_mux": ("twist_mux", _MOVES),
+    "teleop_twist_joy": ("teleop_node", _MOVES),
+    "teleop_twist_keyboard": (r"teleop_twist_keyboard\.py", _MOVES),
+    "controller_manager": ("spawner", "at its end it would unload the controllers of the new one, too"),
+    "urg_node": ("urg_node", _DEVICE),
+    "rplidar_ros": ("rplidarNode", _DEVICE),
+    "usb_cam": ("usb_cam_node", _DEVICE),
+    "realsense2_camera": ("realsense2_camera_node|RealSenseNodeFactory", _DEVICE),
+    "velodyne_driver": ("velodyne_node|DriverNodelet", _DEVICE),
+}
 
 
 def launch_problems(app: App, launch: Launch, namespace: str) -> Iterator[Problem]:
@@ -29,7 +57,8 @@ def launch_problems(app: App, launch: Launch, namespace: str) -> Iterator[Proble
     if not found and len(files) == len(launch.file):
         found += _unknown_args(launch, files)
     if not found and app.handoff == "overlap":
-        whole = len(files) == len(launch.file) and all(map(_is_whole, files))
+        known = all(file.whole and all(is_known(node.name) for node in file.nodes) for file in files)
+        whole = len(files) == len(launch.file) and known
         found += [*(_unknown_nodes(launch, nodes) if whole else ()), *_verdicts(launch, nodes, whole)]
     return (problem.below("launch") for problem in found)
 
@@ -45,10 +74,6 @@ def written(files: Sequence[File], package: str, name: str) -> File | None:
             item for item in files if below in item.path and f"/{item.path.partition(below)[2]}".endswith(f"/{name}")
         ]
     return found[0] if len(found) == 1 and not found[0].secret else None
-
-
-def _is_whole(file: LaunchFile) -> bool:
-    return file.whole and all(is_known(node.name) for node in file.nodes)
 
 
 def _twice(nodes: Sequence[Node]) -> Iterator[Problem]:
@@ -73,11 +98,10 @@ def _unknown_args(launch: Launch, files: Sequence[LaunchFile]) -> Iterator[Probl
 
 def _unknown_nodes(launch: Launch, nodes: Sequence[Node]) -> Iterator[Problem]:
     names = list(dict.fromkeys(node.name for node in nodes))
-    for key, words in (("replace", launch.replace), ("overlap", launch.overlap)):
-        for index, word in enumerate(words):
-            if not named(word, names):
-                allowed = "one of " + ", ".join(names) if names else "leave it out"
-                yield Problem(f"{key}[{index}]", f"is {word}, which the launch file does not start", allowed)
+    for where, word in [*each("replace", launch.replace), *each("overlap", launch.overlap)]:
+        if not named(word, names):
+            allowed = "one of " + ", ".join(names) if names else "leave it out"
+            yield Problem(where, f"is {word}, which the launch file does not start", allowed)
 
 
 def _verdicts(launch: Launch, nodes: Sequence[Node], whole: bool) -> Iterator[Problem]:
@@ -97,3 +121,16 @@ def _verdicts(launch: Launch, nodes: Sequence[Node], whole: bool) -> Iterator[Pr
 
 def _listed(node: Node, words: Sequence[str]) -> bool:
     return any(named(word, [node.name]) for word in words)
+
+
+def why_single(node: Node) -> str:
+    """Why there must not be two of a node, in words; empty: nothing known forbids it."""
+    package, kind = node.program
+    kinds, reason = SINGLE.get(package, ("", ""))
+    if kinds and re.fullmatch(kinds, kind):
+        return reason
+    if package == "rosbag" and any(word.startswith(("-O", "--output-name")) for word in node.words):
+        return "-O names one file, and both would write to it"
+    for device in node.devices:
+        return f"{device} is one device, and the two would both drive it"
+    return ""

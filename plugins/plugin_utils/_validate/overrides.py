@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ...module_utils._step.objects import Object
-from .._model.finding import Problem, join_path, shown
+from .._model.finding import Problem, each, join_path, shown
 from .._model.formats import words
-from .._model.keys import Key, Kind, kind_of
+from .._model.keys import OPEN, Key, Kind, kind_of
 from .._model.merge import deep_merge, merge_key
-from .explain import OPEN, value_problems
-from .said import Said
+from .draft import Said
+from .schema import value_problems
 
 # The collection finds its objects by these; a Deployment's selector cannot be changed after its creation anyway.
 FIXED = (
@@ -59,11 +59,11 @@ def override_problems(plain: Object, overrides: Said, container: str, path: str)
     problems = [
         Problem(join_path(path, *field), "changes what the collection finds the object by", "leave it out")
         for field in FIXED
-        if _has(overrides, field) and _get(overrides, field) != _get(plain, field)
+        if _has(overrides, field) and inside(overrides, field) != inside(plain, field)
     ]
     merged = deep_merge(plain, overrides)
     problems += _pod_problems(plain, merged, container, path)
-    replicas = _get(merged, ("spec", "replicas"))
+    replicas = inside(merged, ("spec", "replicas"))
     if replicas != 1:
         allowed = "1: a ROS node name cannot run twice, and an app that is not to run is taken out of ros_apps"
         problems.append(Problem(join_path(path, "spec", "replicas"), f"is {shown(replicas)}", allowed))
@@ -72,33 +72,30 @@ def override_problems(plain: Object, overrides: Said, container: str, path: str)
 
 def _pod_problems(plain: Object, merged: Object, container: str, path: str) -> Iterator[Problem]:
     template = ("spec", "template")
-    labels = _get(merged, (*template, "metadata", "labels")) or {}
+    labels = inside(merged, (*template, "metadata", "labels")) or {}
     for key, value in plain["spec"]["selector"]["matchLabels"].items():
         if labels.get(key) != value:
             where = join_path(path, *template, "metadata", "labels", key)
             yield Problem(where, "does not match the selector", f"{value}, or leave it out")
     for field in (template, (*template, "spec"), (*template, "metadata"), ("metadata",), ("spec",)):
-        if not isinstance(_get(merged, field), dict):
+        if not isinstance(inside(merged, field), dict):
             yield Problem(join_path(path, *field), "is removed", "a mapping")
             return
     own = [("containers", container)]
-    own += [("initContainers", item["name"]) for item in _get(plain, (*template, "spec", "initContainers")) or []]
+    own += [("initContainers", item["name"]) for item in inside(plain, (*template, "spec", "initContainers")) or []]
     for key, name in own:
-        listed = _get(merged, (*template, "spec", key))
+        listed = inside(merged, (*template, "spec", key))
         if not [item for item in listed or [] if isinstance(item, dict) and item.get("name") == name]:
             where = join_path(path, *template, "spec", key)
             yield Problem(where, f"leaves no container {name}", f"entries with the key name, {name} among them")
-    yield from _spec_problems(_get(merged, (*template, "spec")), join_path(path, *template, "spec"))
-
-
-def _spec_problems(spec: Object, path: str) -> Iterator[Problem]:
-    """Fields of a pod's specification and of its containers that are of another shape than the API's."""
+    # fields that are of another shape than the API's
+    spec, path = inside(merged, (*template, "spec")), join_path(path, *template, "spec")
     yield from value_problems(spec, Kind(dict, _POD, (OPEN,)), path)
     for listed in ("containers", "initContainers"):
-        for index, container in enumerate(spec.get(listed) or () if isinstance(spec.get(listed), list) else ()):
-            for key in ("name", "image") if isinstance(container, Mapping) else ():
-                if not isinstance(container.get(key), str) or not container[key]:
-                    yield Problem(join_path(path, listed, index, key), "is missing or no text", "text")
+        for where, item in each(f"{path}.{listed}", spec[listed] if isinstance(spec.get(listed), list) else ()):
+            for key in ("name", "image") if isinstance(item, Mapping) else ():
+                if not isinstance(item.get(key), str) or not item[key]:
+                    yield Problem(f"{where}.{key}", "is missing or no text", "text")
 
 
 def _shape_problems(plain: Any, overrides: Any, path: str) -> Iterator[Problem]:
@@ -122,23 +119,24 @@ def _entry_problems(field: str, base: list[Any], value: list[Any], path: str) ->
     key = merge_key(field, base, value)
     if key is None:
         if base and all(isinstance(item, Mapping) for item in base):
-            for index, item in enumerate(value):
+            for where, item in each(path, value):
                 if not isinstance(item, Mapping) or not item.get("name"):
                     found = "has no name" if isinstance(item, Mapping) else f"is {shown(item)}"
-                    yield Problem(join_path(path, index), found, "a mapping with the key that tells the entries apart")
+                    yield Problem(where, found, "a mapping with the key that tells the entries apart")
         return
     known = {str(item[key]): item for item in base}
-    for index, item in enumerate(value):
+    for where, item in each(path, value):
         if str(item[key]) in known:
-            yield from _shape_problems(known[str(item[key])], item, join_path(path, index))
+            yield from _shape_problems(known[str(item[key])], item, where)
 
 
-def _get(value: Any, field: tuple[str, ...]) -> Any:
+def inside(value: Any, field: Sequence[str]) -> Any:
+    """What is at a path of a document of any shape; None where nothing is."""
     for key in field:
         value = value.get(key) if isinstance(value, Mapping) else None
     return value
 
 
-def _has(value: Any, field: tuple[str, ...]) -> bool:
-    parent = _get(value, field[:-1]) if len(field) > 1 else value
+def _has(value: Any, field: Sequence[str]) -> bool:
+    parent = inside(value, field[:-1])
     return isinstance(parent, Mapping) and field[-1] in parent

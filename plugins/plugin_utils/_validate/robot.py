@@ -6,84 +6,75 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from ...module_utils._ros.names import resolve
 from .._model import context, names
-from .._model.app import App, Volume
-from .._model.context import MasterSettings
-from .._model.finding import Problem, join_path, repeated
+from .._model.app import App
+from .._model.finding import Problem, each, taken
 from .._model.formats import FORMS, moving_tag
-from .._model.topology import EDGE_CLUSTER
+from .._model.order import circle
+from .._model.topology import EDGE_CLUSTER, members
 from .._objects.master import plain_keeper, plain_master
 from .._objects.pod_settings import promised
 from .._objects.security import more_than_baseline
-from .dependencies import dependency_problems
-from .draft import Draft
+from .app import app_problems, app_warnings, when_problems
+from .draft import Draft, Inventory
 from .overrides import override_problems
-from .when import when_problems
+from .schema import did_you_mean
 
 # Classes whose volumes are directories of one node: Kubernetes then places every pod of the claim on that node.
 NODE_BOUND = (None, "local-path")
 
 
-def robot_problems(draft: Draft, edge_count: int) -> list[Problem]:
-    """Problems between the apps and volumes of one robot."""
-    return [
-        *_same_names(draft),
-        *_volume_names(draft),
-        *_pod_security(draft),
-        *_pull_secrets(draft),
-        *_volume_users(draft, edge_count),
-        *dependency_problems(draft),
-        *when_problems(draft.robot.when, f"{draft.path}.update_when"),
-    ]
+def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
+    """Problems of one robot: of its apps, between these and its volumes, and of its master."""
+    for path, app, raw in draft.apps:
+        yield from (problem.below(path) for problem in app_problems(app, raw, draft))
+    yield from _namespace(draft)
+    yield from _same_names(draft)
+    yield from _volume_names(draft)
+    yield from _volume_users(draft, len(members(there.groups, "edge")))
+    yield from _dependencies(draft)
+    yield from when_problems(draft.robot.when, f"{draft.path}.update_when")
+    yield from _master(draft, bool(there.variable(draft.robot.name, "ros_master_uri")))
 
 
-def _pod_security(draft: Draft) -> Iterator[Problem]:
+def _namespace(draft: Draft) -> Iterator[Problem]:
     """A namespace's level refuses whole pods, which nobody would see before the rollout."""
     level = draft.robot.pod_security
-    if level not in ("baseline", "restricted"):
-        return
-    for path, app, _raw in draft.apps():
+    for path, app, _raw in draft.apps if level in ("baseline", "restricted") else ():
         if app.scope != "fleet" and (more := more_than_baseline(app)):
             found = f"is {level}, but {path} has {more}"
             yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out")
-
-
-def _pull_secrets(draft: Draft) -> Iterator[Problem]:
-    """Two of one name are one Secret, and only the last login would be in it."""
-    for index, name in repeated(draft.robot.pull_secrets):
-        where = f"{draft.path}.robot_namespace_pull_secrets[{index}].name"
+    # two of one name are one Secret, and only the last login would be in it
+    secrets = each(f"{draft.path}.robot_namespace_pull_secrets", draft.robot.pull_secrets, ".name")
+    for where, name, _first in taken(secrets):
         yield Problem(where, f"is '{name}' for the second time", "a name of its own")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
     """Two apps of one name are one Deployment; two nodes of one name shut each other down at the master."""
-    by_name: dict[tuple[bool, str], str] = {}
-    for index, raw in enumerate(draft.declared_apps):
-        if isinstance(raw.get("name"), str):
-            path = f"{draft.path}.ros_apps[{index}]"
-            first = by_name.setdefault((raw.get("scope") == "fleet", raw["name"]), path)
-            if first != path:
-                yield Problem(f"{path}.name", f"is '{raw['name']}' as in {first}", "a name of its own")
-    by_node: dict[str, tuple[str, str]] = {}
-    for path, app, _raw in draft.apps():
-        node = context.graph_node(app, draft.robot)
-        first, name = by_node.setdefault(node, (path, app.name))
-        if first != path and name != app.name:
+    apps = [
+        (path, (raw.get("scope") == "fleet", raw["name"]))
+        for path, raw in each(f"{draft.path}.ros_apps", draft.declared_apps)
+        if isinstance(raw.get("name"), str)
+    ]
+    for path, (_scope, name), first in taken(apps):
+        yield Problem(f"{path}.name", f"is '{name}' as in {first}", "a name of its own")
+    named = {path: app.name for path, app, _raw in draft.apps}
+    for path, node, first in taken((path, context.graph_node(app, draft.robot)) for path, app, _raw in draft.apps):
+        if named[path] != named[first]:
             yield Problem(f"{path}.node_name", f"gives the ROS node {node} as {first} does", "a node name of its own")
 
 
 def _volume_names(draft: Draft) -> Iterator[Problem]:
     """Each once, and none that a pod's other volumes have."""
-    declared = draft.declared_volumes
-    for index, name in enumerate(declared):
-        if not isinstance(name, str):
-            continue
-        path = f"{draft.path}.persistent_storage.volumes[{index}].name"
-        if name in declared[:index]:
-            yield Problem(path, f"is '{name}' for the second time", "a name of its own")
+    volumes = each(f"{draft.path}.persistent_storage.volumes", draft.declared_volumes, ".name")
+    declared = [(path, name) for path, name in volumes if isinstance(name, str)]
+    for path, name, _first in taken(declared):
+        yield Problem(path, f"is '{name}' for the second time", "a name of its own")
+    for path, name in declared:
         if re.fullmatch(r"(device|host-path)-[0-9]+", name):
             yield Problem(path, f"is '{name}', a name that devices and host paths get", "any other name")
         if name == names.CODE_NAME:
@@ -100,9 +91,9 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
     for volume in draft.robot.volumes:
         mode, name = volume.access_mode, volume.name
         users = [
-            (join_path(path, "volumes", index), app, mount)
-            for path, app, _raw in draft.apps()
-            for index, mount in enumerate(app.volumes)
+            (where, app, mount)
+            for path, app, _raw in draft.apps
+            for where, mount in each(f"{path}.volumes", app.volumes)
             if mount.name == name
         ]
         for path, _app, _mount in users[1:] if mode == "ReadWriteOncePod" else ():
@@ -113,7 +104,8 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
             found = f"mounts the ReadWriteOnce volume {name} on another node than {users[0][0]} does"
             yield Problem(others[0], found, "apps of one placement, or access_mode: ReadWriteMany")
         for path, app, mount in users:
-            if app.handoff == "overlap" and not _same_node(volume, app, edge_count):
+            one_node = app.placement == "local" or edge_count <= 1 or volume.storage_class in NODE_BOUND
+            if app.handoff == "overlap" and (mode == "ReadWriteOncePod" or (mode == "ReadWriteOnce" and not one_node)):
                 found = f"mounts the {mode} volume {name}, which two overlapping revisions cannot both have"
                 allowed = "handoff: replace or drain, another access_mode, or ReadWriteOnce on one node"
                 yield Problem(path, found, allowed)
@@ -122,42 +114,63 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
                 yield Problem(path, f"cannot be two overlapping revisions': {why}", allowed)
 
 
-def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
-    if volume.access_mode == "ReadWriteOnce":
-        return app.placement == "local" or edge_count <= 1 or volume.storage_class in NODE_BOUND
-    return volume.access_mode != "ReadWriteOncePod"
+def _dependencies(draft: Draft) -> Iterator[Problem]:
+    """Dependencies on oneself, on apps that are not there, and circles.
+
+    Apps of one group change in one step, so between groups an order is needed, and inside one as well.
+    """
+    declared = [raw["name"] for raw in draft.declared_apps if isinstance(raw.get("name"), str)]
+    apps = {app.name: (path, app) for path, app, _raw in draft.apps}
+    unit = {name: f"group {app.update.group}" if app.update.group else name for name, (_path, app) in apps.items()}
+    inside: dict[str, list[str]] = {name: [] for name in apps}
+    between: dict[str, list[str]] = {name: [] for name in unit.values()}
+    for path, app, _raw in draft.apps:
+        for where, other in each(f"{path}.depends_on", app.depends_on):
+            if other == app.name:
+                yield Problem(where, "is the app itself", "other apps of this robot")
+            elif other not in declared:
+                found = f"is '{other}', an unknown app{did_you_mean(other, declared)}"
+                yield Problem(where, found, f"an app of this robot: {', '.join(declared)}")
+            elif other in apps and unit[other] == unit[app.name]:
+                inside[app.name].append(other)
+            elif other in apps:
+                between[unit[app.name]].append(unit[other])
+    for needs in (inside, between):
+        if members_of := circle(needs):
+            member = next(name for name in apps if members_of[0] in (name, unit[name]))
+            found = f"makes a circle: {' needs '.join([*members_of, members_of[0]])}"
+            yield Problem(f"{apps[member][0]}.depends_on", found, "an order in which the apps can be updated")
 
 
-def answer_warnings(draft: Draft) -> Iterator[Problem]:
-    """What a robot without a mistake is asked before a change, and what its own app has to answer."""
-    publishers = {topic: app.name for topic, app, _said in promised(draft.robot)}
-    for number, item in enumerate(draft.robot.when):
-        if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
-            yield Problem(
-                f"{draft.path}.update_when[{number}].topic",
-                f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
-                "-e update_on_busy=force, for the run that mends it",
-            )
-
-
-def robot_warnings(draft: Draft) -> Iterator[Problem]:
-    """Volumes nobody mounts, and a master image that may change by itself."""
+def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
+    """What is allowed but seldom meant; some of it is worth a word only where the whole fleet is `sound`."""
+    for path, app, raw in draft.apps:
+        yield from (warning.below(path) for warning in app_warnings(app, raw))
     used = {mount.name for app in draft.robot.apps for mount in app.volumes}
     for volume in draft.robot.volumes:
         if volume.name not in used:
             yield Problem(f"{draft.path}.persistent_storage.volumes", f"no app mounts {volume.name}")
     first: dict[str, str] = {}
-    for path, app, _raw in draft.apps():
+    for path, app, _raw in draft.apps:
         for device in app.devices:
             if first.setdefault(device, app.name) != app.name:
                 yield Problem(f"{path}.devices", f"{device} is {first[device]}'s, too; few devices serve two")
     image = draft.robot.master.image
     if draft.robot.master.mode != "external" and moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
+    # what the robot is asked before a change, and its own app has to answer
+    publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
+    for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
+        if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
+            yield Problem(
+                where,
+                f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
+                "-e update_on_busy=force, for the run that mends it",
+            )
 
 
-def master_problems(draft: Draft, uri: str) -> Iterator[Problem]:
-    """Problems of the robot's ROS master; `uri` is what the operator wrote."""
+def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
+    """Of the robot's ROS master; `uri`: the operator wrote one."""
     robot, master, base = draft.robot, draft.robot.master, f"{draft.path}.ros_master_"
     if master.mode == "external" and not uri:
         yield Problem(f"{base}uri", "is missing for ros_master_mode external", "http://<host>:<port>")
@@ -183,34 +196,32 @@ def master_problems(draft: Draft, uri: str) -> Iterator[Problem]:
 
 def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
     """A port of a host or of all hosts of a cluster leads to one app."""
-    taken: dict[tuple[str, str, int, str], tuple[str, str]] = {}
+    first: dict[tuple[str, str, int, str], tuple[str, str]] = {}
     for draft in drafts:
         robot = draft.robot
         cluster = robot.name if robot.mode == "standalone" else EDGE_CLUSTER
-        for path, app, _raw in draft.apps():
-            for index, port in enumerate(app.ports):
-                where = join_path(path, "ports", index)
+        for path, app, _raw in draft.apps:
+            for where, port in each(f"{path}.ports", app.ports):
                 # the fleet's one app comes out of every robot's variables
-                owner = f"{app.name} {index}" if app.scope == "fleet" else where
+                owner = f"{app.name} {port.name}" if app.scope == "fleet" else where
                 of_both = (("host_port", robot.name, port.host_port), ("node_port", cluster, port.node_port))
                 for key, place, number in of_both:
-                    other = taken.setdefault((key, place, number or 0, port.protocol), (owner, where))
+                    other = first.setdefault((key, place, number or 0, port.protocol), (owner, where))
                     if number and other[0] != owner:
                         yield Problem(f"{where}.{key}", f"is {number} as that of {other[1]}", f"a {key} of its own")
 
 
-def fleet_app_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
+def fleet_app_problems(drafts: Sequence[Draft]) -> Iterator[Problem]:
     """Objects of the whole fleet come out of every robot's variables, so these have to agree."""
     known: dict[str, tuple[str, App]] = {}
     nodes: dict[str, tuple[str, App]] = {}
-    first: tuple[str, MasterSettings] | None = None
+    shared = [draft for draft in drafts if draft.robot.master.mode == "shared"]
+    for draft in shared:
+        if draft.robot.master != shared[0].robot.master:
+            found = f"differs from the one of {shared[0].robot.name}, although the master is shared"
+            yield Problem(f"{draft.path}.ros_master_image", found, "the same ros_master_* variables for all robots")
     for draft in drafts:
-        if draft.robot.master.mode == "shared":
-            first = first or (draft.robot.name, draft.robot.master)
-            if draft.robot.master != first[1]:
-                found = f"differs from the one of {first[0]}, although the master is shared"
-                yield Problem(f"{draft.path}.ros_master_image", found, "the same ros_master_* variables for all robots")
-        for path, app, _raw in draft.apps():
+        for path, app, _raw in draft.apps:
             if app.scope != "fleet":
                 continue
             known_path, known_app = known.setdefault(app.name, (path, app))

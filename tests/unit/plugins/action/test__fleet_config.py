@@ -56,7 +56,7 @@ def run(tmp_path: Path, fleet: dict[str, Any], check: bool = False) -> dict[str,
     return actions.run(_fleet_config, {}, variables, check)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["says"]))
 def test_bad_input(case: dict[str, Any], tmp_path: Path) -> None:
     result = run(tmp_path, table.fleet_of(case))
     assert (result["failed"], result["valid"], result["changed"]) == (True, False, False)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _preflight_look
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import pythons
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import machines
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 PART = {"role": "agent", "servers": ["edge1"]}
@@ -31,7 +31,7 @@ def looked(
         asked.append(command)
         return {"rc": rc, "stdout": out}
 
-    monkeypatch.setattr(pythons, "OLDEST", (3, 9))
+    monkeypatch.setattr(machines, "OLDEST", (3, 9))
     monkeypatch.setattr(ActionHost, "job", job)
     monkeypatch.setattr(_preflight_look.ActionModule, "_low_level_execute_command", shell)
     return run(_preflight_look, PART, {"hostvars": {"edge1": {}}}), asked

@@ -16,8 +16,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api im
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.open_goals import Staying
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows

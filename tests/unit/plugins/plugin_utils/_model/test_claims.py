@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.claims import Asked, sources
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.claims import sources
 
 
 def claim(volume: str, namespace: str = "robot-robot1", number: int = 1) -> str:
@@ -13,11 +13,11 @@ def claim(volume: str, namespace: str = "robot-robot1", number: int = 1) -> str:
 
 
 OWN = {"robot1": "robot-robot1", "robot2": "robot-robot2"}
-ASKED = Asked({"fleet", "robot-robot1", "robot-robot2"}, OWN)
+ALL = {"fleet", "robot-robot1", "robot-robot2"}
 
 
 def test_each_claim_has_its_directory() -> None:
-    found = sources({"edge1": [claim("logs", "fleet")], "robot1": [claim("maps"), claim("logs")]}, ASKED)
+    found = sources({"edge1": [claim("logs", "fleet")], "robot1": [claim("maps"), claim("logs")]}, ALL, OWN)
     assert [(one.host, one.volume, one.target) for one in found] == [
         ("edge1", "logs", "fleet/logs"),
         ("robot1", "logs", "robot1/logs"),
@@ -29,7 +29,7 @@ def test_a_claim_that_is_there_twice_is_told_apart_by_its_volume() -> None:
     twice = {"robot1": [claim("logs", number=2)], "edge1": [claim("logs", number=1)]}
     of_ones_own = {"robot1": [claim("logs", number=1), "pvc-u2_robot-robot1_logs"]}  # without the end that ours have
     for there in (twice, of_ones_own):
-        assert [one.target for one in sources(there, ASKED)] == ["robot1/logs.pvc-u1", "robot1/logs.pvc-u2"]
+        assert [one.target for one in sources(there, ALL, OWN)] == ["robot1/logs.pvc-u1", "robot1/logs.pvc-u2"]
 
 
 @pytest.mark.parametrize(
@@ -48,16 +48,16 @@ def test_a_claim_that_is_there_twice_is_told_apart_by_its_volume() -> None:
 )
 def test_a_directory_that_is_no_claim_s_is_left_alone(directory: str) -> None:
     namespace = "_".join(directory.split("_")[1:2])  # also where such a namespace were asked for
-    assert sources({"robot1": [directory]}, Asked({"robot-robot1", namespace}, {})) == []
+    assert sources({"robot1": [directory]}, {"robot-robot1", namespace}, {}) == []
 
 
 def test_a_robot_gives_what_is_its_own_alone() -> None:
     """Results under another robot's name would be forged; the edge has those of all robots' apps that run there."""
     both = [claim("logs", "robot-robot1"), claim("logs", "robot-robot2", 2), claim("logs", "fleet", 3)]
-    assert [one.target for one in sources({"robot1": both}, ASKED)] == ["robot1/logs"]
-    assert [one.target for one in sources({"edge1": both}, ASKED)] == ["robot1/logs", "robot2/logs", "fleet/logs"]
+    assert [one.target for one in sources({"robot1": both}, ALL, OWN)] == ["robot1/logs"]
+    assert [one.target for one in sources({"edge1": both}, ALL, OWN)] == ["robot1/logs", "robot2/logs", "fleet/logs"]
 
 
 def test_what_nobody_asked_for_stays_there() -> None:
     there = {"edge1": [claim("logs", "kube-system"), claim("logs", "robot-robot2"), claim("logs"), claim("maps")]}
-    assert [one.target for one in sources(there, Asked({"robot-robot1"}, OWN, ["maps"]))] == ["robot1/maps"]
+    assert [one.target for one in sources(there, {"robot-robot1"}, OWN, ["maps"])] == ["robot1/maps"]

@@ -14,7 +14,7 @@ from ansible.vars.hostvars import HostVars
 from ansible.vars.manager import VariableManager
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import fleet_hosts
 
 INVENTORY = """
 all:
@@ -43,7 +43,7 @@ def hostvars(tmp_path: Path) -> Any:
 def test_a_value_may_lead_to_another_host(hostvars: Any) -> None:
     hosts = HostVariables(hostvars)
     assert hosts["robot1"]["observability_hub_url"] == "http://192.0.2.1"
-    assert fleet_hosts(hosts, ["robot1"])["robot1"]["ros_apps"][0]["env"] == {"HUB": "192.0.2.1"}
+    assert fleet_hosts(hosts, ["robot1"], [])["robot1"]["ros_apps"][0]["env"] == {"HUB": "192.0.2.1"}
     assert hosts["edge1"]["place"] == "hall"
     assert set(hosts) == {"edge1", "robot1", "robot2", "robot3"} and len(hosts) == 4
     assert "robot4" not in hosts and "missing" not in hosts["robot1"]
@@ -63,4 +63,4 @@ def test_a_plain_mapping_stays_what_it_is() -> None:
 )
 def test_what_is_undefined_is_named(hostvars: Any, host: str, said: str) -> None:
     with pytest.raises(SpecError, match=rf"hosts\.{host}\.{said}"):
-        fleet_hosts(HostVariables(hostvars), [host])
+        fleet_hosts(HostVariables(hostvars), [host], [])

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Topology: which host plays which part, and which groups make no fleet."""
+"""Which host plays which part, and where it is."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
     ClusterPart,
+    address,
     edge_ordered,
     fleet_topology,
-    members,
-    mode_of,
-    topology_problems,
 )
 
 
@@ -64,36 +62,16 @@ def test_the_edge_s_order_is_that_of_names(first: str) -> None:
     groups = {"edge": ["e4", "e2", "e1", "e3"], "k3s_server": ["e3", "e2", "e1"], "robots": ["r2", "r1"]}
     servers = [*filter(None, [first]), *(name for name in ("e1", "e2", "e3") if name != first)]
     assert edge_ordered(groups, first) == {**groups, "edge": [*servers, "e4"], "k3s_server": servers}
-    assert edge_ordered({"edge": "e1", "robots": ["r1"]}) == {"edge": "e1", "robots": ["r1"]}
-
-
-@pytest.mark.parametrize(("said", "mode"), [({}, "agent"), ({"robot_mode": None}, "agent"), ({"robot_mode": 5}, 5)])
-def test_a_robots_mode(said: dict[str, Any], mode: object) -> None:
-    assert mode_of("r1", {"r1": said}) == mode
 
 
 @pytest.mark.parametrize(
-    ("groups", "modes", "words"),
+    ("known", "expected"),
     [
-        ({}, {}, "groups: has no host in edge or robots"),
-        ({"robots": ["r1"]}, {}, "groups.edge: is empty, but r1 must join"),
-        ({"robots": ["r1", "r2"]}, {"r1": "standalone"}, "but r2 must join"),
-        ({"edge": ["e1", "e2"], "robots": []}, {}, "gives the cluster 2 servers"),
-        ({"edge": ["e1", "e2", "e3", "e4"], "robots": []}, {}, "groups.edge: gives the cluster 4 servers"),
-        ({"edge": ["a", "b", "c"], "k3s_server": ["a", "b"]}, {}, "groups.k3s_server: gives the cluster 2 servers"),
-        ({"edge": ["e1"], "k3s_server": ["r1"], "robots": ["r1"]}, {}, "groups.k3s_server.r1: is not in edge"),
-        ({"edge": ["e1", "r1"], "k3s_server": ["e1"], "robots": ["r1"]}, {}, "groups.robots.r1: is in edge too"),
-        ({"edge": ["e1"], "robots": ["edge"]}, {"edge": "standalone"}, "is the name of the shared cluster"),
-        (
-            {"edge": ["e1"], "robots": ["r1"]},
-            {"r1": "cloud"},
-            "r1.robot_mode: is 'cloud'; allowed: agent or",
-        ),
-        ({"edge": ["e1"], "robots": ["r1"]}, {"r1": 5}, "hosts.r1.robot_mode: is the number 5"),
-        ({"edge": ["e1"], "robots": ["r1"]}, {"r1": ["agent"]}, "hosts.r1.robot_mode: is a list"),
-        ({"edge": "e1", "robots": []}, {}, "groups.edge: is 'e1'; allowed: a list of host names"),
+        ({}, "edge1"),
+        ({"ansible_host": "10.0.0.1"}, "10.0.0.1"),
+        ({"ansible_host": "10.0.0.1", "k3s_node_ip": "192.168.1.1,fd00::1"}, "192.168.1.1"),
+        ({"ansible_host": "fd00::1"}, "[fd00::1]"),
     ],
 )
-def test_no_fleet(groups: dict[str, Any], modes: dict[str, Any], words: str) -> None:
-    said = {robot: modes.get(robot, "agent") for robot in members(groups, "robots")}
-    assert any(words in problem.line() for problem in topology_problems(groups, said))
+def test_address(known: dict[str, str], expected: str) -> None:
+    assert address("edge1", {"edge1": known}) == expected

@@ -87,7 +87,7 @@ def test_objects_fit_the_api_and_each_other(name: str) -> None:
 def test_golden_cases_pass_validation(name: str) -> None:
     case = CASES[name]
     fleet = {"groups": {"edge": ["edge1"], "robots": [case["robot"]]}, "hosts": {case["robot"]: case["variables"]}}
-    assert check_fleet(fleet).problems == []
+    assert check_fleet(**fleet).problems == []
 
 
 @pytest.mark.parametrize("name", CASES)

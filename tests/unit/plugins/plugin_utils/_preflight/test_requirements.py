@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import k3s_defaults
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import machines
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
     look,
@@ -49,8 +49,8 @@ def test_an_agent_reaches_every_servers_api() -> None:
 
 def test_a_host_that_passes_is_beyond_what_k3s_acts_upon() -> None:
     limits = requirements(part("agent"), DEFAULTS, []).disk_percent
-    assert limits["minimum"] > k3s_defaults.EVICTION_FREE_PERCENT
-    assert limits["recommended"] > 100 - k3s_defaults.IMAGE_GC_USED_PERCENT
+    assert limits["minimum"] > machines.EVICTION_FREE_PERCENT
+    assert limits["recommended"] > 100 - machines.IMAGE_GC_USED_PERCENT
 
 
 @pytest.mark.parametrize(("role", "minimum"), [("server", 900), ("agent", 400)])

@@ -119,7 +119,7 @@ def test_it_is_valid_and_is_what_a_robot_can_run() -> None:
     items = json.loads(json.dumps(cast(PARTS, ITEMS, ["temperature"], "ros:noetic")))
     groups = {"edge": ["edge1"], "robots": ["robot1"], "all": ["edge1", "robot1"]}
     variables = {"ros_apps": items, "ros_master_image": "ros:noetic"}
-    report = check_fleet({"groups": groups, "hosts": {"robot1": variables, "edge1": {}}})
+    report = check_fleet(groups, {"robot1": variables, "edge1": {}})
     assert [problem.line() for problem in report.problems] == []
     deployments = [one for one in app_objects(robot(*items)) if one["kind"] == "Deployment"]
     [container] = next(

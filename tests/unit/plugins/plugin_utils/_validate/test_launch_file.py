@@ -18,7 +18,7 @@ def file_of(inside: str, namespace: str = "/", /, **args: str) -> LaunchFile:
 
 def nodes(inside: str, namespace: str = "/", /, **args: str) -> list[str]:
     found = file_of(inside, namespace, **args)
-    assert found.problems == ()
+    assert found.problems == []
     return [node.name for node in found.nodes]
 
 
@@ -27,7 +27,7 @@ def said(file: LaunchFile) -> list[str]:
 
 
 def test_a_node_as_it_is_written() -> None:
-    assert file_of(LIDAR).nodes == (Node("/lidar", "urg_node", "urg_node", place="/a.launch, line 2"),)
+    assert file_of(LIDAR).nodes == [Node("/lidar", "urg_node", "urg_node", place="/a.launch, line 2")]
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_what_is_no_launch_file(text: str, words: str) -> None:
     found = read("/a.launch", text, {})
     (line,) = said(found)
     assert line.startswith("file: ") and words in line
-    assert found.nodes == ()
+    assert found.nodes == []
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,24 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Launch files whose text is in the inventory, against what their app says of them."""
+"""Launch files whose text is in the inventory, against what their app says of them, and nodes that are known."""
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import File
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import Node
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import SINGLE, why_single, written
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 
 AMCL = '<node pkg="amcl" type="amcl" name="amcl"/>'
 TALKER = '<node pkg="demo" type="talk" name="talker"/>'
 FOREIGN = '<node pkg="nodelet" type="nodelet" name="crop" args="load pcl/Crop manager"/>'
-SINGLE = "lacks the node /amcl (amcl/amcl): two estimates of where the robot is would fight"
+TWICE = "lacks the node /amcl (amcl/amcl): two estimates of where the robot is would fight"
 FILE = "/srv/a.launch"
 
 
@@ -24,14 +27,14 @@ def problems(inside: str, launch: dict[str, Any] | None = None, robot: dict[str,
     given = {"file": FILE, **(launch or {})}
     files = app.pop("files", [{"path": FILE, "content": f"<launch>{inside}</launch>"}])
     changed = table.changed_app({"args": None, "pattern": "pubsub", "launch": given, "files": files, **app})
-    report = check_fleet({"groups": table.GROUPS, "hosts": {"robot1": {**(robot or {}), "ros_apps": [changed]}}})
+    report = check_fleet(table.GROUPS, {"robot1": {**(robot or {}), "ros_apps": [changed]}})
     assert report.warnings == []
     return "\n".join(problem.line().removeprefix("hosts.robot1.ros_apps[0].") for problem in report.problems)
 
 
 def test_a_node_that_must_not_be_there_twice_has_to_be_judged() -> None:
     allowed = "allowed: list it in launch.replace, or in launch.overlap if two of it do no harm"
-    assert problems(AMCL + TALKER) == f"launch.replace: {SINGLE}; {allowed}"
+    assert problems(AMCL + TALKER) == f"launch.replace: {TWICE}; {allowed}"
 
 
 @pytest.mark.parametrize(
@@ -71,7 +74,7 @@ def test_what_must_pass(inside: str, launch: dict[str, Any], app: dict[str, Any]
         (TALKER, {"overlap": ["talker", "amcl"]}, "launch.overlap[1]: is amcl, which the launch file does not start"),
         ("", {"overlap": ["amcl"]}, "allowed: leave it out"),
         (TALKER, {"replace": ["lidar"]}, "allowed: one of /talker"),
-        (AMCL.replace("/>", ' if="$(env A)"/>'), {}, SINGLE),  # it may be there
+        (AMCL.replace("/>", ' if="$(env A)"/>'), {}, TWICE),  # it may be there
         (TALKER + TALKER, {}, f"launch.file: {FILE}, line 1: /talker is at {FILE}, line 1, too"),
         (f'<group ns="/">{TALKER}</group>{TALKER}', {}, "/talker is at"),
         (TALKER, {"args": {"speed": 1}}, "launch.args.speed: is no <arg> of the launch file; allowed: no args"),
@@ -103,7 +106,7 @@ def test_several_files_are_one_app() -> None:
     assert problems("", {**both, "args": {"n": 1}}, files=files) == ""
     # of what is in the image nobody knows
     assert problems("", {**both, "args": {"m": 1}, "replace": ["lidar"]}, files=files[:1]) == ""
-    assert SINGLE in problems("", {"file": both["file"]}, files=files[:1])
+    assert TWICE in problems("", {"file": both["file"]}, files=files[:1])
 
 
 @pytest.mark.parametrize(
@@ -122,3 +125,90 @@ def test_several_files_are_one_app() -> None:
 def test_which_item_is_the_launch_file(name: str, paths: list[str], found: str | None) -> None:
     item = written([File(path, "text") for path in paths], "base", name)
     assert (item and item.path) == found
+
+
+DOCS = Path(__file__).resolve().parents[5] / "docs" / "apps.md"
+
+
+@pytest.mark.parametrize(
+    ("package", "kind", "words"),
+    [
+        ("amcl", "amcl", "two estimates of where the robot is would fight"),
+        ("robot_localization", "ekf_localization_node", "two estimates"),
+        ("robot_localization", "ukf_localization_node", "two estimates"),
+        ("gmapping", "slam_gmapping", "two maps"),
+        ("slam_toolbox", "async_slam_toolbox_node", "two maps"),
+        ("cartographer_ros", "cartographer_node", "two maps"),
+        ("move_base", "move_base", "two servers lose goals"),
+        ("teleop_twist_keyboard", "teleop_twist_keyboard.py", "both move the robot"),
+        ("controller_manager", "spawner", "unload"),
+        ("rplidar_ros", "rplidarNode", "one device"),
+        ("realsense2_camera", "realsense2_camera_node", "one device"),
+        ("velodyne_driver", "velodyne_node", "one device"),
+    ],
+)
+def test_known_nodes(package: str, kind: str, words: str) -> None:
+    assert words in why_single(Node("/n", package, kind))
+    assert why_single(Node("/n", package, f"{kind}_view")) == "" or kind.startswith(("ekf", "ukf", "slam_gmapping"))
+    assert why_single(Node("/n", f"my_{package}", kind)) == ""
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        ("load realsense2_camera/RealSenseNodeFactory manager", "one device"),
+        ("standalone velodyne_driver/DriverNodelet", "one device"),
+        ("load robot_localization/EkfNodelet manager", "two estimates"),
+        ("load gmapping/SlamGMappingNodelet manager", "two maps"),
+        ("load image_proc/rectify manager", ""),
+        ("manager", ""),
+        ("load $(env DRIVER) manager", ""),
+    ],
+)
+def test_known_nodelets(args: str, words: str) -> None:
+    said = why_single(Node("/n", "nodelet", "nodelet", args))
+    assert words in said
+    assert bool(said) == bool(words)
+
+
+@pytest.mark.parametrize(
+    ("args", "refused"),
+    [
+        ("-a -O /bags/run.bag", True),
+        ("-a -O/bags/run.bag", True),
+        ("--output-name=/bags/run.bag -a", True),
+        ("-a -o /bags/run", False),
+        ("-a --output-prefix=/bags/run", False),
+        ("-a", False),
+    ],
+)
+def test_bags(args: str, refused: bool) -> None:
+    assert bool(why_single(Node("/recorder", "rosbag", "record", args))) == refused
+    assert why_single(Node("/recorder", "recorder", "record", args)) == ""
+
+
+def test_a_device_is_named() -> None:
+    node = Node("/base", "base", "driver", devices=("/dev/ttyUSB0", "/dev/ttyUSB1"))
+    assert why_single(node) == "/dev/ttyUSB0 is one device, and the two would both drive it"
+
+
+@pytest.mark.parametrize(
+    ("package", "kind"),
+    [
+        ("robot_localization", "navsat_transform_node"),
+        ("cartographer_ros", "cartographer_occupancy_grid_node"),
+        ("rplidar_ros", "rplidarNodeClient"),
+        ("robot_state_publisher", "robot_state_publisher"),
+        ("map_server", "map_server"),
+        ("rosbag", "play"),
+        ("nodelet", "nodelet"),
+    ],
+)
+def test_of_others_two_do_no_harm(package: str, kind: str) -> None:
+    assert why_single(Node("/n", package, kind)) == ""
+
+
+@pytest.mark.parametrize("package", ["amcl", "robot_localization", "gmapping", "slam_toolbox", "move_base", "urg_node"])
+def test_the_documentation_names_the_same_packages(package: str) -> None:
+    assert package in SINGLE
+    assert re.search(rf"^\| .*`{package}`", DOCS.read_text("utf-8"), re.MULTILINE)

@@ -8,18 +8,18 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import VALUE_ARGS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Condition
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, keys, kind_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import Condition
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import value_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
     FORMS,
     OWN,
     kind_of_option,
     needed,
     of_host,
+    value_problems,
     variables,
 )
 

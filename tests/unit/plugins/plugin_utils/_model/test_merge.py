@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a robot's apps are once its layers lie over each other."""
+"""Overrides laid over objects, and a robot's apps in layers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,50 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge, layered
+
+
+@pytest.mark.parametrize(
+    ("base", "overrides", "merged"),
+    [
+        ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"a": {"b": 3, "c": 2}}),  # the dissertation's algorithm 1
+        ({"a": {"b": 1}}, {"a": 5}, {"a": 5}),
+        ({"a": 1, "b": 2}, {"a": None, "x": None}, {"b": 2}),
+        ({"l": [1, 2]}, {"l": [3]}, {"l": [3]}),
+        (
+            {"env": [{"name": "A", "value": "1"}, {"name": "B", "value": "2"}]},
+            {"env": [{"name": "C", "value": "3"}, {"name": "A", "value": "9"}]},
+            {"env": [{"name": "A", "value": "9"}, {"name": "B", "value": "2"}, {"name": "C", "value": "3"}]},
+        ),
+        (
+            {"env": [{"name": "A", "value": "1"}]},
+            {"env": [{"name": "A", "value": None, "valueFrom": {"x": 1}}]},
+            {"env": [{"name": "A", "valueFrom": {"x": 1}}]},
+        ),
+        (
+            {"env": [{"name": "A"}, {"name": "B"}]},
+            {"env": [{"name": "A", "$patch": "delete"}]},
+            {"env": [{"name": "B"}]},
+        ),
+        (
+            {"volumeMounts": [{"name": "a", "mountPath": "/a"}]},
+            {"volumeMounts": [{"name": "a", "mountPath": "/b"}, {"name": "a", "mountPath": "/a", "readOnly": True}]},
+            {"volumeMounts": [{"name": "a", "mountPath": "/a", "readOnly": True}, {"name": "a", "mountPath": "/b"}]},
+        ),
+        (
+            {"ports": [{"containerPort": 1, "name": "x"}]},
+            {"ports": [{"containerPort": 1, "protocol": "UDP"}]},
+            {"ports": [{"containerPort": 1, "name": "x", "protocol": "UDP"}]},
+        ),
+        ({"l": [{"name": "a"}]}, {"l": [{"x": 1}]}, {"l": [{"x": 1}]}),
+        ({}, {"a": {"b": None, "c": [{"d": None, "e": 1}]}}, {"a": {"c": [{"e": 1}]}}),
+    ],
+)
+def test_deep_merge(base: dict[str, Any], overrides: dict[str, Any], merged: dict[str, Any]) -> None:
+    before = copy.deepcopy((base, overrides))
+    assert deep_merge(base, overrides) == merged
+    assert (base, overrides) == before
+
 
 LIDAR: dict[str, Any] = {
     "name": "lidar", "image": "x:1", "args": ["a", "b"], "params": {"skip": 1, "pid": {"p": 1, "i": 2}},

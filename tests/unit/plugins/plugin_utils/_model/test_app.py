@@ -38,6 +38,7 @@ GPU = {"limits": {"nvidia.com/gpu": 1}}
         ({"resources": GPU}, "replace"),
         ({"resources": {"requests": {"nvidia.com/gpu": "1"}}}, "replace"),
         ({"resources": {"limits": {"nvidia.com/gpu": 0, "memory": "1Gi"}}}, "overlap"),
+        ({"resources": {"limits": {"nvidia.com/gpu": "0"}}}, "overlap"),
         ({"overrides": container(resources=GPU)}, "replace"),
         ({"volumes": LOGS}, "replace"),
         ({"volumes": [{"name": "logs", "read_only": True}]}, "overlap"),
