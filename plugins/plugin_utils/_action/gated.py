@@ -23,15 +23,13 @@ from .._images.node import NodeImages
 from .._kube.client import Kube
 from .._model.fleet import VARIABLE, Fleet, robot_from_vars
 from .._model.outcomes import FAILED, UNCHANGED
-from .._update.change import NOTHING, Ended, word_of
-from .._update.cluster import KubeCluster, run_name
+from .._update.change import NOTHING, word_of
+from .._update.cluster import KubeCluster, robots_on, run_name
+from .._update.hands import Settings, look_seconds
 from .._update.host import ImageSource, ModuleHost
 from .._update.host_change import HostChange, Place, Work
-from .._update.kube_nodes import robots_on
 from .._update.ledger import Ledger
-from .._update.outcome import WAITING, RobotOutcome
-from .._update.rest import look_seconds
-from .._update.settings import Settings
+from .._update.outcome import WAITING, RobotOutcome, StepResult
 from .._update.world import World
 from . import voice
 from .clock import MonotonicClock
@@ -62,24 +60,30 @@ class GatedAction(ClusterAction):
             ledger.note(str(known["inventory_hostname"]), FAILED)
             raise
 
-    def world(self, known: Variables, host: ModuleHost) -> World:
-        """The host and the clock of the task, and whoever listens to it."""
-        stand = functools.partial(voice.stand, known["inventory_hostname"])
-        return World(host, MonotonicClock(), self.say(known), stand)
+    def run_of(self, kube: Kube, known: Variables) -> KubeCluster:
+        """The cluster, as this run changes robots in it."""
+        return KubeCluster(kube, self.say(known), run_name(known))
 
-    def modules(self, known: Variables, images: Callable[[RobotHost], ImageSource]) -> ModuleHost:
-        """The task's host, asked through the collection's modules."""
+    def world(self, known: Variables, images: Callable[[RobotHost], ImageSource] | None = None) -> World:
+        """The task's host, asked through the collection's modules, its clock, and whoever listens to it.
+
+        Without `images` there are none to be brought.
+        """
         there = RobotHost(self, known)
-        return ModuleHost(
+        host = ModuleHost(
             there.there,
             lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments),
-            images(there),
+            images(there) if images else ImageSource(NodeImages(there)),
             bool(self._task.check_mode),
         )
+        stand = functools.partial(voice.stand, known["inventory_hostname"])
+        return World(host, MonotonicClock(), self.say(known), stand)
 
 
 class HostAction(GatedAction):
     """A change of the host itself."""
+
+    since: float | None = None  # when the last one began to wait for the robots, by the clock's `now`
 
     def settings(self, variables: Variables, ready_timeout: float, name: str, before: Result) -> Settings:
         """How patient the change of this name is; `before` is what the ledger has of it."""
@@ -99,9 +103,11 @@ class HostAction(GatedAction):
             robots = [robot_from_vars(known)]
         else:
             robots = robots_on(kube, node, Fleet.from_vars(known).robots.values()) if edge else []
-        return Place(KubeCluster(kube, self.say(known), run_name(known)), node, robots)
+        return Place(self.run_of(kube, known), node, robots)
 
-    def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> Ended:
+    def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> StepResult:
         """What became of it."""
-        world = self.world(known, self.modules(known, lambda there: ImageSource(NodeImages(there))))
-        return HostChange(work, place, settings, world).take()
+        change = HostChange(work, place, settings, self.world(known))
+        result = change.take()
+        self.since = change.since
+        return result

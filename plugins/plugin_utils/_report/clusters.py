@@ -14,7 +14,7 @@ from ...module_utils._common.errors import FleetError, KubeError
 from ...module_utils._step.objects import Object
 from .._kube.client import Kube
 from .._model import names
-from .._update.events import EVENTS_NAME
+from .._update.outcome import EVENTS_NAME
 from .host_run import HostRun
 from .kept import REF, kept_runs, kept_steps
 

@@ -19,8 +19,7 @@ from ...module_utils._step.update_record import RUNNING, WAITING
 from .._kube.cache import Ref
 from .._kube.pods import meta
 from .._model import names
-from .._update.events import Event, known_events
-from .._update.outcome import RobotOutcome, StepResult
+from .._update.outcome import Event, RobotOutcome, StepResult, known_events
 from .host_run import HostRun
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")

@@ -20,14 +20,17 @@ from .._kube.cache import Ref, parse_refs
 from .._kube.client import Kube, ref_of
 from .._kube.connection import ApiError
 from .._kube.lease import Lease
+from .._kube.pods import condition
 from .._kube.wait import WaitOptions, wait_for_rollout
 from .._model import names
-from .ticker import ticking
-from .world import HeldError, Live, LostError, Object
+from .._model.context import Robot
+from .._objects.namespace import needs_fleet_namespace
+from .world import HeldError, Live, LostError, Object, ticking
 
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 LOOK_SECONDS = 0.5
+SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
 
@@ -173,3 +176,42 @@ class _Claim:
         if not hold.mine:
             who = f"{hold.holder} has this robot since {hold.since}" if hold.holder else "another one had this robot"
             self._lost = f"{who}, as this run could not renew its Lease for {LEASE_SECONDS} s"
+
+
+# --- a cluster of which one node is to be changed ---------------------------------------------------------------------
+
+
+def robots_on(kube: Kube, node: str, robots: Iterable[Robot]) -> list[Robot]:
+    """Those of which a pod is on the node, and those that need one of the whole fleet's which is; KubeError."""
+    pods = kube.objects("Pod", fields=f"spec.nodeName={node}")
+    there = {str(pod["metadata"]["namespace"]) for pod in pods}
+    at_fleets = names.FLEET_NAMESPACE in there
+    return [
+        robot
+        for robot in robots
+        # a standalone one's fleet namespace is in a cluster of its own
+        if robot.namespace in there or (at_fleets and needs_fleet_namespace(robot) and robot.mode != "standalone")
+    ]
+
+
+def server_versions(nodes: Iterable[Object]) -> dict[str, str]:
+    """Node of each server -> the version of its kubelet, which is that of its k3s."""
+    return {
+        str(node["metadata"]["name"]): str(((node.get("status") or {}).get("nodeInfo") or {}).get("kubeletVersion"))
+        for node in nodes
+        if is_server(node)
+    }
+
+
+def servers_down(nodes: Iterable[Object], but: str) -> list[str]:
+    """Servers other than `but` that are not Ready: with one more away the cluster may have no majority."""
+    return sorted(
+        str(node["metadata"]["name"])
+        for node in nodes
+        if is_server(node) and node["metadata"]["name"] != but and condition(node, "Ready").get("status") != "True"
+    )
+
+
+def is_server(node: Object) -> bool:
+    """Whether the node runs the API."""
+    return any(label in (node["metadata"].get("labels") or {}) for label in SERVER_LABELS)

@@ -8,7 +8,9 @@ Every method either does what it says or raises one of our errors; `AwayError` s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import contextlib
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol
@@ -175,3 +177,21 @@ class World:
     clock: Clock
     say: Callable[[str], None] = unheard
     trace: Callable[[str], None] = unheard
+
+
+@contextlib.contextmanager
+def ticking(seconds: float, tick: Callable[[], None]) -> Iterator[None]:
+    """Call `tick` every so many seconds, in a thread that ends with the block. It must not raise."""
+    over = threading.Event()
+
+    def go_on() -> None:
+        while not over.wait(seconds):
+            tick()
+
+    thread = threading.Thread(target=go_on, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

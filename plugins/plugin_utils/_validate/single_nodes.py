@@ -4,7 +4,7 @@
 """Well-known nodes of which there must not be two, and why. Pure.
 
 The same as users read in docs/apps.md, "Common packages". What is not in here the graph of the robot judges when it is
-updated (`_update/obstacles.py`); but neither a device nor a file that both would write to shows there.
+updated (`_update/nodes.py`); but neither a device nor a file that both would write to shows there.
 """
 
 from __future__ import annotations

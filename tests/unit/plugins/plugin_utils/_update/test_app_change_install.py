@@ -12,10 +12,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
