@@ -25,14 +25,13 @@ from .._model.fleet import VARIABLE, Fleet, robot_from_vars
 from .._model.outcomes import FAILED, UNCHANGED
 from .._update.change import NOTHING, word_of
 from .._update.cluster import KubeCluster, robots_on, run_name
-from .._update.hands import Settings, look_seconds
+from .._update.hands import Settings, World, look_seconds
 from .._update.host import ImageSource, ModuleHost
 from .._update.host_change import HostChange, Place, Work
 from .._update.ledger import Ledger
 from .._update.outcome import WAITING, RobotOutcome, StepResult
-from .._update.world import World
+from .._update.world import MonotonicClock
 from . import voice
-from .clock import MonotonicClock
 from .cluster import ClusterAction
 from .robot_host import RobotHost
 

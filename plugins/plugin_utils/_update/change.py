@@ -26,11 +26,11 @@ from ...module_utils._common.errors import FleetError
 from ...module_utils._ros.contract import Contract
 from .._kube.access import ServersAwayError
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UPDATED
-from .hands import BusyError, Hands, Rest, Settings
+from .hands import BusyError, Hands, Rest, Settings, World
 from .manifests import step_objects
 from .outcome import UNPROVEN, WAITING, StepResult, step_id
 from .plan import Step
-from .world import AwayError, CancelledError, HeldError, LostError, Object, World
+from .world import AwayError, CancelledError, HeldError, LostError, Object
 
 # The outcome of a change that an error ends: before the change has begun to write, and after that. Any other error is a
 # failure before it, and after it a reason to go back.

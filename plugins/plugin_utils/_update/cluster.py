@@ -59,7 +59,10 @@ def live_in(kube: Kube, namespaces: Iterable[str]) -> Live:
 
 
 class KubeCluster:
-    """`say` gets what is still open, every ten seconds of a wait; `holder` is who has the robot meanwhile."""
+    """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes.
+
+    `say` gets what is still open, every ten seconds of a wait; `holder` is who has the robot meanwhile.
+    """
 
     def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
         self._kube, self._say, self._holder = kube, say, holder
@@ -72,6 +75,7 @@ class KubeCluster:
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:
+        """Be the only run that changes what is in this namespace; HeldError names who is. It ends with its run."""
         # what cannot be renewed within its time need not be renewed for longer
         lease = Lease(self._kube.within(LEASE_SECONDS), namespace, LEASE, self._holder, LEASE_SECONDS)
         claim = self._take(lease)
@@ -83,6 +87,7 @@ class KubeCluster:
             self._claims.remove(claim)
 
     def confirm(self) -> None:
+        """Whether all that was claimed is still this run's; LostError says whose it is."""
         for claim in self._claims:
             claim.confirm()
 
@@ -100,26 +105,36 @@ class KubeCluster:
         return claim
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        """In this order. After an error some of them may be applied; none after a LostError."""
         return self._writer.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        """What is not there is no error. An object with a uid is deleted if it is that very one."""
         uids = {ref_of(item): str(uid) for item in objects if (uid := item["metadata"].get("uid"))}
         return self._writer.delete([ref_of(item) for item in objects], dry_run, uids)
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(
-            objects, WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
-        )
+        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.
+
+        With minReadySeconds: until these are Ready.
+        """
+        how = WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
+        self._wait(objects, how)
 
     def wait(self, objects: Sequence[Object], timeout: float) -> None:
+        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
         self._wait(objects, WaitOptions(timeout, say=self._say))
 
     def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
+        """The same, and then so many seconds more; NotReadyError at once if a container ends meanwhile.
+
+        What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
+        """
         how = WaitOptions(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
         self._wait(objects, how)
 
     def beat(self, node: str) -> str:
-        """When the node's kubelet renewed its Lease."""
+        """When the node's kubelet was last heard of, in its own words; empty where it never was."""
         lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
         return str((lease.get("spec") or {}).get("renewTime") or "")
 

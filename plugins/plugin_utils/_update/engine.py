@@ -7,19 +7,8 @@
     prepare   images on the node, namespace, claims, code for the pods, while the robot works
 
 then, where no app is at work, all that is new at once: applied, awaited, and the graph is what the apps promised; else
-
-    and for every step
-    record    the graph
-    gate      what has to hold, and whether anything forbids the step
-    start     a new version that cannot work beside the old one waits there for its end
-    hold      idle, new goals held back, idle still; now the rates of what the step replaces are those of rest
-    apply     record, way back and new version, marked as not proven
-    hand over by the pods themselves; awaited
-    verify    the graph is what was recorded
-    finish    the mark comes off
-    or back   once the new version is idle or dead: the old version, under the same proof
-
-and in the end, where that is asked for, the graph of the whole robot is what its apps promise.
+step by step, each a change from its gate to its outcome (`change.py`). And in the end, where that is asked for, the
+graph of the whole robot is what its apps promise.
 
 What has to be remembered is in the cluster before it is needed: the record of the step in a ConfigMap beside each
 Deployment (`_step/record.py`). So a run may end at any line, and the next one goes on from there.
@@ -46,13 +35,14 @@ from .._objects.ports import port_services
 from .addresses import NAMES, located, other_master
 from .app_change import KINDS, PROMISED, AppChange
 from .change import NOTHING, word_of
-from .hands import Hands, Settings
+from .cluster import KubeCluster
+from .hands import Hands, Settings, World
 from .lifecycle import with_install, with_removals
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, Desired, Plan, Step, all_of, promised, rendered, update_plan
 from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, read_records, suspects, unused
 from .step import images_of
-from .world import AwayError, CancelledError, Cluster, HeldError, Object, World
+from .world import AwayError, CancelledError, HeldError, Object
 
 MOVED = (
     "the inventory has another one for them. A node cannot change its master while it works: take the apps out first "
@@ -67,7 +57,7 @@ LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each lo
 class Engine(Hands):
     """One robot, one run."""
 
-    def __init__(self, robot: Robot, settings: Settings, cluster: Cluster, world: World) -> None:
+    def __init__(self, robot: Robot, settings: Settings, cluster: KubeCluster, world: World) -> None:
         super().__init__(robot, settings, cluster, world)
         self.plan = Plan()
         self.desired: Desired = {}  # what the robot is to run
@@ -336,7 +326,7 @@ class Engine(Hands):
 # --- the wait between two waves -------------------------------------------------------------------------------------
 
 
-def soak(cluster: Cluster, namespaces: Sequence[str], new: Mapping[str, str], world: World) -> RobotOutcome:
+def soak(cluster: KubeCluster, namespaces: Sequence[str], new: Mapping[str, str], world: World) -> RobotOutcome:
     """What became of a robot whose apps were updated, once its keeper has proven what is new, or taken it back.
 
     `new` is app -> revision. KubeError.

@@ -19,11 +19,13 @@ from .._model.context import Robot, master_namespace, master_uri
 from .._objects.namespace import needs_fleet_namespace
 from .._objects.parts import PARTS, READY
 from .._objects.pod_settings import promised
+from .cluster import KubeCluster
+from .host import ModuleHost
 from .outcome import EVENTS_NAME, StepResult, events_map
 from .plan import Request
 from .revisions import read_records
 from .step import NO_GRAPH, with_rates
-from .world import Calm, Cluster, Graph, Live, Object, Seen, World
+from .world import Calm, Graph, Live, MonotonicClock, Object, Seen
 
 MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
@@ -60,10 +62,23 @@ class Settings:
     edge_images: Mapping[str, Sequence[str]] = field(default_factory=dict)  # edge host -> names of images there
 
 
+@dataclass(frozen=True)
+class World:
+    """What a run has around it beside the cluster.
+
+    `say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands.
+    """
+
+    host: ModuleHost
+    clock: MonotonicClock
+    say: Callable[[str], None] = lambda _text: None
+    trace: Callable[[str], None] = lambda _text: None
+
+
 class Hands:
     """One robot and its world. `live` is what the API showed of it last, `graph` what the robot itself did."""
 
-    def __init__(self, robot: Robot, settings: Settings, cluster: Cluster, world: World) -> None:
+    def __init__(self, robot: Robot, settings: Settings, cluster: KubeCluster, world: World) -> None:
         self.robot, self.settings, self.cluster, self.world = robot, settings, cluster, world
         self.host, self.clock, self.check = world.host, world.clock, settings.check
         self.say, self.trace = world.say, world.trace

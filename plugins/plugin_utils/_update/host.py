@@ -34,15 +34,20 @@ RunModule = Callable[[str, Object], Object]  # name and arguments to result; Awa
 
 
 class ModuleHost:
-    """`reach` is an answer of the host, `run` executes a module of this collection; both raise AwayError."""
+    """AwayError where the host cannot be reached.
+
+    `reach` is an answer of the host, `run` executes a module of this collection; both raise that.
+    """
 
     def __init__(self, reach: Callable[[], None], run: RunModule, images: ImageSource, check: bool = False) -> None:
         self._reach, self._run, self._images, self._check = reach, run, images, check
 
     def there(self) -> None:
+        """Whether it can be reached."""
         self._reach()
 
     def bring(self, images: Sequence[str]) -> bool:
+        """Have these images on the node; whether anything had to be brought."""
         source = self._images
         names = dict.fromkeys([*source.names, *images])
         brought = source.node.bring(source.archives, names, self._check, source.keep)
@@ -51,12 +56,17 @@ class ModuleHost:
         return brought.changed
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
+        """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
         asked: Object = {"md5sums": True, "service_connections": True}
         if nodes:
             asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
         return Graph.from_dict(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
+        """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
+
+        With none nothing is held, and one look that finds it so is enough.
+        """
         actions: Sequence[Object] = calm.actions
         if self._check:  # an action without its server is looked at, and not held
             actions = [{"name": action["name"]} for action in actions]
@@ -66,20 +76,24 @@ class ModuleHost:
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+        """Let the held goals go."""
         if keeper:
             asked = {"state": "released", "actions": list(actions), "timeout": RELEASE_SECONDS}
             self._well("ros_action_hold", {"master_uri": master, "keeper_uri": keeper, **asked})
 
     def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+        """Wait until the conditions (options of ros_ready) hold, for `stable` seconds without a break."""
         asked = {"timeout": timeout, "stable": stable, "interval": INTERVAL}
         found = self._run("ros_ready", {"master_uri": master, **conditions, **asked})
         return Seen(_verdict(found), str(found.get("msg") or ""))
 
     def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
+        """Register these nodes (all without names) with the master as the graph shows them."""
         asked = {"master_uri": master, "graph": graph.as_dict(), "nodes": list(nodes), "state": "present"}
         self._well("ros_registrations", asked)
 
     def reap(self, master: str, nodes: Sequence[str]) -> None:
+        """Take away what dead nodes of these names left."""
         self._well("ros_registrations", {"master_uri": master, "nodes": list(nodes), "state": "absent"})
 
     def _well(self, name: str, arguments: Object) -> Object:

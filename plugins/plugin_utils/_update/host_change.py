@@ -27,12 +27,13 @@ from .._model import names
 from .._model.context import Robot
 from .._objects.common import config_map, owner_labels
 from .change import Change
-from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings
+from .cluster import KubeCluster
+from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings, World
 from .outcome import StepResult
 from .plan import Step, wanted_before
 from .revisions import key_of
 from .step import actions_to_rest
-from .world import AwayError, Calm, CancelledError, Cluster, Graph, Object, World
+from .world import AwayError, Calm, CancelledError, Graph, Object
 
 PAUSE = 1.0  # between two looks at what comes up
 
@@ -66,7 +67,7 @@ class Place:
     Without a cluster nobody can be asked who works there, and without a node there is none to be proven by.
     """
 
-    cluster: Cluster | None = None
+    cluster: KubeCluster | None = None
     node: str = ""
     robots: Sequence[Robot] = ()
 

@@ -504,7 +504,7 @@ def test_a_new_version_that_took_over_is_not_stopped_in_its_work(monkeypatch: py
         (old, _new) = self.sim.of(("robot-robot1", "planner"))
         self.sim.crash(old, old.restarts)
         self.sim.advance(3.0)
-        self.sim.goal("/plan", 20.0)
+        self.sim.goal("/plan", 45.0)  # for longer than a pod's stop hook waits
         self.sim.advance(1.0)
         raise NotReadyError("the API told nothing more")
 

@@ -104,6 +104,10 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     assert word(sim, of) == "unchanged"
     assert not sim.engine_changes
     assert sim.calls == ["there", "read", "apply", "rollout", "ready"]
+    sim = Simulation()
+    site(sim, of, "killed", 13)  # all of it is up, and nobody has proven it
+    found = outcome(sim, of)
+    assert ([step.name for step in found.steps], "graph" in sim.calls) == (["install"], False)
 
 
 @pytest.mark.parametrize("of", [wanted(), SHARED], ids=["robot", "shared"])
@@ -172,6 +176,8 @@ def test_part_by_part() -> None:
         assert "graph" not in sim.calls, part  # nobody is at work yet
     for part in PARTS:
         assert word(sim, of, parts=[part]) == "unchanged", part
+    del sim.objects["Service", NAMESPACE, "ros-keeper"]
+    assert [word(sim, of, parts=[part]) for part in ("apps", "master")] == ["unchanged", "updated"]
 
 
 def test_check_mode_names_all_of_it_and_makes_nothing() -> None:

@@ -27,7 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
     server_versions,
     servers_down,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, ticking, unheard
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, ticking
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -155,7 +155,7 @@ def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lap
 
 def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> None:
     kube = Kube({"host": lapsing.url, "api_key": "t"}, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, unheard, "us")
+    ours = cluster.KubeCluster(kube, print, "us")
     with ours.claim("r"):
         lapsing.gone = True
         mine = lapsing.find(LEASE_PATH)
@@ -171,7 +171,7 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
     """As in two containers of one image, and as two workers of one run are."""
     server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
     with Kube({"host": server.url, "api_key": "t"}) as kube:
-        one, other = (KubeCluster(kube, unheard, run_name({})) for _run in range(2))
+        one, other = (KubeCluster(kube, print, run_name({})) for _run in range(2))
         with one.claim("robot-robot1"):
             (mine,) = one._claims
             monkeypatch.setattr(time, "sleep", lambda _seconds: mine._renew())

@@ -9,10 +9,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import soak
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import World
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,

@@ -12,8 +12,14 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands, Rest, Settings, look_seconds
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen, World
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import (
+    Hands,
+    Rest,
+    Settings,
+    World,
+    look_seconds,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     begin,

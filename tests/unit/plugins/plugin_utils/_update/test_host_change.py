@@ -23,18 +23,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
-    HeldError,
-    Live,
-    LostError,
-    Object,
-    Seen,
-    World,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object, Seen
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, settings
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import EPOCH, FOREVER
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
