@@ -28,10 +28,8 @@ from .._kube.running import TODO, outdated
 from .._model import names
 from .._model.context import Robot, namespace_of
 from .._model.outcomes import FAILED, ROLLED_BACK, UNCHANGED, UPDATED
-from .._objects.files import file_maps
 from .._objects.namespace import removed_claims, storage_objects
 from .._objects.parts import APPS, MASTER, READY, ground_objects
-from .._objects.ports import port_services
 from .addresses import NAMES, located, other_master
 from .app_change import KINDS, PROMISED, AppChange
 from .change import NOTHING, word_of
@@ -136,7 +134,10 @@ class Engine(Hands):
     @contextlib.contextmanager
     def _claimed(self) -> Iterator[None]:
         """Be the only run that changes the robot. What was planned before may be another run's work by now."""
-        self._make_namespaces()
+        # those that are not there: a Lease lives in one
+        wanted = [item for item in self.ground if item["kind"] == "Namespace"]
+        found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
+        self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
         with contextlib.ExitStack() as claims:
             claims.enter_context(self.cluster.claim(self.robot.namespace))
             self._plan()
@@ -147,21 +148,11 @@ class Engine(Hands):
                 self._plan()
             yield
 
-    def _make_namespaces(self) -> None:
-        """Those that are not there: a Lease lives in one."""
-        wanted = [item for item in self.ground if item["kind"] == "Namespace"]
-        found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
-        self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
-
     def _make_services(self) -> bool:
         """Those of a new master: its pods and the apps' are told their addresses. Whether there were any."""
-        known, steps = self.robot.master.addresses, () if self.left else self.plan.steps
-        new = [
-            item
-            for step in steps
-            for item in step.objects
-            if item["kind"] == "Service" and item["metadata"]["name"] not in known
-        ]
+        objects = [item for step in (() if self.left else self.plan.steps) for item in step.objects]
+        services = [item for item in objects if item["kind"] == "Service"]
+        new = [item for item in services if item["metadata"]["name"] not in self.robot.master.addresses]
         self.apply_all(new)
         return bool(new)
 
@@ -275,7 +266,7 @@ class Engine(Hands):
         gone = [*self.plan.remnants]
         try:
             if apps & before:  # most have none
-                gone += unused(self.read(), apps, [*file_maps(self.robot), *port_services(self.robot)])
+                gone += unused(self.read(), apps, self.ground)
             self.delete(gone)
         except FleetError as error:
             self.say(f"what earlier versions had is still there: {error}")

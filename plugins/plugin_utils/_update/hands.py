@@ -31,6 +31,7 @@ MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
 MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 LOOK_SECONDS, LOOKS = 8.0, 50  # of one look at a robot that works, at least; about as many looks as that, at most
+NO_MASTER = "run the stage master of rosops.fleet.site first"
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
 
@@ -100,8 +101,7 @@ class Hands:
     def need_master(self) -> None:
         """NotReadyError where nobody can be asked for the robot's graph."""
         if not self.master:
-            name = self.robot.name
-            raise NotReadyError(f"{name} has no ROS master; run the stage master of rosops.fleet.site first")
+            raise NotReadyError(f"{self.robot.name} has no ROS master; {NO_MASTER}")
 
     @property
     def keeper(self) -> str:

@@ -53,7 +53,7 @@ def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[
         for volume in item["spec"]["template"]["spec"].get("volumes") or []
         if "configMap" in volume
     }
-    used = {key_of(item) for item in wanted}
+    used = {key_of(item) for item in wanted if "namespace" in item["metadata"]}
     maps = [item for item in live.maps if files_owner(item) in apps and key_of(item) not in used | mounted]
     services = [item for item in live.services if key_of(item) in apps and key_of(item) not in used]
     return [identity(item) for item in [*maps, *services]]

@@ -50,7 +50,10 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     records = read_records(live.maps)
     proven = _proven(step, records)
     # an app that is down at this moment shows nothing to hold the next version to; what was proven of it does
-    down = {app: missing for app, one in proven.items() if (missing := _missing(one.contract, graph))}
+    silent = {
+        app: [node for node in one.contract.all_nodes if not graph.node(node).reachable] for app, one in proven.items()
+    }
+    down = {app: nodes for app, nodes in silent.items() if nodes}
     kept = {app: records.get(app, Record()).contract for app in step.unproven}
     kept |= {app: proven[app].contract.owed(step.intended) for app in down}
     follows = _succession(step, graph, own, kept)
@@ -76,11 +79,6 @@ def _proven(step: Step, records: Mapping[str, Record]) -> dict[str, Record]:
     }
 
 
-def _missing(contract: Contract, graph: Graph) -> list[str]:
-    """Its nodes that do not answer."""
-    return [node for node in contract.all_nodes if not graph.node(node).reachable]
-
-
 def _silent(proven: Mapping[str, Record], pods: Sequence[Object], graph: Graph) -> list[dict[str, str]]:
     """Actions that its apps were proven to serve and nobody serves now: unknown, and unknown waits.
 
@@ -100,13 +98,9 @@ def _ends_at_once(pod: Object) -> bool:
     found = [one for one in (pod.get("status") or {}).get("containerStatuses") or [] if crashes(pod)]
     lives = [one["lastState"]["terminated"] for one in found if (one.get("lastState") or {}).get("terminated")]
     often = any(int(one.get("restartCount") or 0) >= AGAIN_AND_AGAIN for one in found)
-    return often and any(_seconds(life) < SHORT_LIFE for life in lives)
-
-
-def _seconds(life: Object) -> float:
-    """Of a container, as the kubelet tells it; no time at all where it never ran."""
-    start, end = (datetime.fromisoformat(life.get(key) or EVER) for key in ("startedAt", "finishedAt"))
-    return (end - start).total_seconds()
+    # no time at all where it never ran
+    times = [[datetime.fromisoformat(life.get(key) or EVER) for key in ("startedAt", "finishedAt")] for life in lives]
+    return often and any((end - start).total_seconds() < SHORT_LIFE for start, end in times)
 
 
 def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept: Mapping[str, Contract]) -> Succession:

@@ -50,18 +50,18 @@ def claim(lease: Lease, times: list[float]) -> _Claim:
     return _Claim(lease, lambda: times[0])  # type: ignore[arg-type]
 
 
-def test_within_its_time_nobody_else_can_have_it() -> None:
-    lease, times = Lease(), [0.0]
+@pytest.fixture
+def lease() -> Lease:
+    return Lease()
+
+
+def test_within_its_time_nobody_else_can_have_it(lease: Lease) -> None:
+    """It began when the renewal was sent: the answer may have come long after the API server wrote it."""
+    times = [0.0]
     mine = claim(lease, times)
-    lease.found, times[0] = Hold(False, "other", "noon"), SURE_SECONDS - 0.1
+    times[0] = SURE_SECONDS - 0.1
     mine.confirm()
     assert lease.renewed == 0
-
-
-def test_its_time_began_when_the_renewal_was_sent() -> None:
-    """The answer may have come long after the API server wrote it."""
-    lease, times = Lease(), [0.0]
-    mine = claim(lease, times)
     times[0] = SURE_SECONDS
     lease.takes = lambda: times.__setitem__(0, times[0] + 8.0)
     mine.confirm()
@@ -71,9 +71,9 @@ def test_its_time_began_when_the_renewal_was_sent() -> None:
         mine.confirm()
 
 
-def test_after_its_time_the_api_says_whose_it_is() -> None:
-    lease, times = Lease(), [0.0]
-    mine = claim(lease, times)
+def test_after_its_time_the_api_says_whose_it_is(lease: Lease) -> None:
+    times = [0.0]
+    mine, other = claim(lease, times), claim(lease, times)
     times[0] = float(LEASE_SECONDS)
     mine.confirm()  # nobody wanted it
     lease.found, times[0] = None, 2.0 * LEASE_SECONDS
@@ -85,14 +85,9 @@ def test_after_its_time_the_api_says_whose_it_is() -> None:
     lease.found = Hold(True, "us")
     with pytest.raises(LostError):  # what was lost once stays lost
         mine.confirm()
-
-
-def test_one_that_was_taken_and_let_go_is_lost() -> None:
-    lease, times = Lease(), [0.0]
-    mine = claim(lease, times)
-    lease.found, times[0] = Hold(False, ""), 600.0
+    lease.found = Hold(False, "")  # taken, and let go
     with pytest.raises(LostError, match="another one had this robot"):
-        mine.confirm()
+        other.confirm()
 
 
 # --- writes, and whose the robot is then ----------------------------------------------------------------------------

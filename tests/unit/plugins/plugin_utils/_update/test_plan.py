@@ -162,7 +162,7 @@ def test_back_to_the_previous_version() -> None:
     old, new = robot(app("one"), app("two")), robot(app("one", "x.org/a:2"), app("two"))
     live = applied(new, update_map("one", [entry(old, "one")]))
     plan = planned(new, live, PREVIOUS)
-    named = planned(new, live, Request(to=entry(old, "one")["revision"]))
+    named = planned(new, live, Request(["one"], entry(old, "one")["revision"]))
     assert step_names(plan) == step_names(named) == [["one"]]
     assert plan.steps[0].after["one"]["image"] == "example.org/app:1.0"
     assert plan.steps[0].before["one"]["image"] == "x.org/a:2"

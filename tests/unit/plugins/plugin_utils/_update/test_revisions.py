@@ -99,13 +99,21 @@ def test_what_somebody_put_beside_it_is_suspected(
         ("k3s", {"f:replicas": {}}, "scale"),  # an autoscaler
         ("kubectl-edit", in_container({"f:env": {".": {}}}), ""),  # of entries that are gone again
         ("kubectl-rollout", RESTARTED, ""),  # restart
-        ("k3s", {"f:status": {"f:availableReplicas": {}, "f:conditions": {".": {}}}}, "status"),
     ],
 )
 def test_what_controllers_write_and_what_is_well_again_is_not(
     manager: str, fields: dict[str, Any], subresource: str
 ) -> None:
     assert found(lambda item: by(item, manager, fields, subresource)) == []
+
+
+def test_what_the_controller_says_of_it_is_not_either() -> None:
+    fields = {
+        "f:metadata": {"f:annotations": {"f:deployment.kubernetes.io/revision": {}}},
+        "f:status": {"f:availableReplicas": {}, "f:conditions": {".": {}}},
+    }
+    entry = {"manager": "k3s", "operation": "Update", "subresource": "status", "fieldsV1": fields}
+    assert found(lambda item: item["metadata"]["managedFields"].append(entry)) == []
 
 
 def test_what_a_run_took_over_and_did_not_come_to_apply_is_suspected() -> None:
