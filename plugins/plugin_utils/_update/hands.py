@@ -217,7 +217,7 @@ class Rest:
         return self.since is not None and self._hands.clock.now() < self.since + self.seconds
 
     def needed(self, calm: Calm) -> bool:
-        """Whether there is anything to wait for."""
+        """Whether there is anything to wait for; in check mode whoever forces wants to know of it, too."""
         return bool(calm) and (self.policy != "force" or self._hands.check)
 
     def begin(
@@ -235,7 +235,7 @@ class Rest:
         seen = self.idle(calm, f"{change} waits until {who or 'the robot'} is idle", look, seconds=seconds)
         if hands.check:
             hands.say(f"{change}: {whose}{'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
-        if seen.verdict == FAIL:
+        if seen.verdict == FAIL and self.policy != "force":
             raise NotReadyError(f"{whose}it cannot be seen whether the robot is idle: {seen.reason}")
         if seen.verdict == WAIT and not (hands.check and self.policy != "defer"):
             raise BusyError(f"{whose}{seen.reason}; {UNASKED}" if silent else f"{whose}{seen.reason}")

@@ -385,6 +385,14 @@ def test_check_mode_says_what_it_would_meet(seconds: float, policy: str, word: s
     assert any(said in text for text in site.said), site.said
 
 
+@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
+def test_check_mode_where_nobody_can_tell_says_what_a_run_would_come_to(
+    policy: str, word: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SimulatedHost, "hold", lambda *_given: Seen("fail", "no answer"))
+    assert [outcome(Site(), check=check, on_busy=policy)[0] for check in (True, False)] == [word, word]
+
+
 def killed_in_its_proof(kind: str) -> Site:
     clean, site = Site({"new": kind}), Site({"new": kind})
     clean.change()

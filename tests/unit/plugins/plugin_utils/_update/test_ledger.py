@@ -19,31 +19,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import
 )
 
 
-def test_nothing_has_failed_yet(tmp_path: Path) -> None:
-    assert Ledger(tmp_path, "robot1").refusal("0", 3) == ""
-
-
-def test_a_failure_of_an_earlier_wave_ends_the_run(tmp_path: Path) -> None:
-    Ledger(tmp_path, "robot1").note("robot1", "rolled-back")
-    assert Ledger(tmp_path, "robot2").refusal("0", 3) == (
-        "not begun: robot1 failed, which is more than update_failure_budget allows"
-    )
-    assert Ledger(tmp_path, "robot2").refusal("1", 3) == ""
-
-
-def test_robots_of_one_wave_do_not_count_against_each_other(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path, "robot1")
-    ledger.note("robot1", "failed")
-    assert ledger.refusal("0", 3) == ""
-
-
-def test_only_what_costs_the_budget_counts(tmp_path: Path) -> None:
-    earlier = Ledger(tmp_path, "robot1")
+def test_what_failed_in_an_earlier_wave_ends_the_run(tmp_path: Path) -> None:
+    """Robots of one wave do not count against each other, and only what costs the budget counts."""
+    earlier, later = Ledger(tmp_path, "robot1"), Ledger(tmp_path, "robot2")
+    assert later.refusal("0", 6) == ""
     for robot, outcome in (("a", "updated"), ("b", "deferred-offline"), ("c", "deferred-busy"), ("d", "unchanged")):
         earlier.note(robot, outcome)
-    later = Ledger(tmp_path, "robot2")
     assert later.refusal("0", 6) == ""
     earlier.note("e", "failed")
+    assert later.refusal("0", 6) == "not begun: e failed, which is more than update_failure_budget allows"
+    assert (later.refusal("1", 6), earlier.refusal("0", 6)) == ("", "")
     earlier.note("f", "rolled-back")
     assert later.refusal("20%", 6).startswith("not begun: e, f failed")
 
