@@ -23,7 +23,7 @@ from . import step as decide
 from .addresses import SERVING
 from .change import StaysError, StepChange
 from .hands import MASTER_SECONDS, BusyError, Hands, Rest
-from .manifests import beside, early, found_good, fulfilled, marked, took_over
+from .manifests import beside, early, found_good, fulfilled, marked
 from .nodes import own_nodes
 from .outcome import WAITING, StepResult
 from .plan import INSTALL, REMOVE, Step, promised
@@ -247,7 +247,9 @@ class AppChange(StepChange):
         if self.policy == "force" or self.step.kind == "master":
             return
         pods = self.hands.read().pods
-        if decide.is_dead(self.step, pods) or (self.beside and not took_over(self.step, pods)):
+        # the old one may have ended by itself: then the new version works already
+        took_over = any(container.get("ready") for container in decide.new_containers(self.step, pods))
+        if decide.is_dead(self.step, pods) or (self.beside and not took_over):
             return
         self.beside = False  # it works
         try:

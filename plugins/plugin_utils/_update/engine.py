@@ -141,7 +141,11 @@ class Engine(Hands):
         with contextlib.ExitStack() as claims:
             claims.enter_context(self.cluster.claim(self.robot.namespace))
             self._plan()
-            if self._is_shared():
+            # a step changes what is the whole fleet's; to make what is not there is anybody's
+            gated = [step for step in self.plan.steps if step.kind != INSTALL]
+            if any(
+                item["metadata"].get("namespace") == names.FLEET_NAMESPACE for step in gated for item in step.objects
+            ):
                 claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
                 self._plan()
             if self._make_services():
@@ -219,12 +223,6 @@ class Engine(Hands):
         parts = self.settings.parts
         asked = {app: made for app, made in self.desired.items() if (MASTER if app in NAMES else APPS) in parts}
         return lost_services(all_of(asked), self.live)
-
-    def _is_shared(self) -> bool:
-        """Whether a step changes what is the whole fleet's. To make what is not there is anybody's."""
-        gated = [step for step in self.plan.steps if step.kind != INSTALL]
-        places = {item["metadata"].get("namespace") for step in gated for item in step.objects}
-        return names.FLEET_NAMESPACE in places
 
     def _prepare(self, gated: Sequence[Step]) -> None:
         """What all of it stands on, and what the steps need, while the robot works."""

@@ -70,9 +70,10 @@ class ModuleHost:
         actions: Sequence[Object] = calm.actions
         if self._check:  # an action without its server is looked at, and not held
             actions = [{"name": action["name"]} for action in actions]
+        at = {"keeper_uri": keeper} if keeper else {}
         values = {"values": list(calm.when)} if calm.when else {}
         asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
-        found = self._run("ros_action_hold", {"master_uri": master, **_given(keeper_uri=keeper), **asked})
+        found = self._run("ros_action_hold", {"master_uri": master, **at, **asked})
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
@@ -107,7 +108,3 @@ def _verdict(result: Object) -> str:
     """A module that broke off without a verdict can tell nothing, whatever it was asked."""
     found = result.get("verdict")
     return str(found) if found in (PASS, WAIT, FAIL) else FAIL
-
-
-def _given(**values: str) -> dict[str, str]:
-    return {name: value for name, value in values.items() if value}

@@ -29,7 +29,6 @@ from .._objects.common import RECREATE_STRATEGY, config_map, object_labels
 from .._objects.pod_code import waits_for_the_old
 from .plan import APP, INSTALL, Step
 from .revisions import described
-from .step import new_containers
 from .world import Calm, Object
 
 HISTORY_KEPT = 5
@@ -148,8 +147,3 @@ def _patient(deployment: Object) -> Object:
     """Not available for as long as the API allows; once it is applied without, its pod is available at once."""
     spec = deployment["spec"]
     return {**deployment, "spec": {**spec, "minReadySeconds": spec.get("progressDeadlineSeconds", 600) - 1}}
-
-
-def took_over(step: Step, pods: Iterable[Object]) -> bool:
-    """Whether the new version works already, because the old one has ended by itself."""
-    return any(container.get("ready") for container in new_containers(step, pods))
