@@ -142,10 +142,8 @@ class Engine(Hands):
             claims.enter_context(self.cluster.claim(self.robot.namespace))
             self._plan()
             # a step changes what is the whole fleet's; to make what is not there is anybody's
-            gated = [step for step in self.plan.steps if step.kind != INSTALL]
-            if any(
-                item["metadata"].get("namespace") == names.FLEET_NAMESPACE for step in gated for item in step.objects
-            ):
+            changed = [item for step in self.plan.steps if step.kind != INSTALL for item in step.objects]
+            if any(item["metadata"].get("namespace") == names.FLEET_NAMESPACE for item in changed):
                 claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
                 self._plan()
             if self._make_services():
