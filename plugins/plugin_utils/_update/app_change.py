@@ -188,7 +188,6 @@ class AppChange(StepChange):
         self.cluster.stay(self.step.workloads, self.settings.ready_timeout)
 
     def verify(self) -> None:
-        """The graph is what was recorded, for as long as asked, and no container ended meanwhile."""
         if self.step.kind == "master":
             self.hands.master_answers("the new master answers")
             if self.hands.recorded:
@@ -197,7 +196,7 @@ class AppChange(StepChange):
         if decide.proves_nothing(proof):
             self.say(f"{self.name}: nothing is recorded and nothing promised to hold it to: only its pod is proven")
         timeout = max(VERIFY_EXTRA, self.step.patience)
-        self.stays(proof, timeout, f"{self.name} is what was recorded", self.step.workloads)
+        self.hands.stays(proof, timeout, f"{self.name} is what was recorded", self.step.workloads)
 
     def finish(self) -> StepResult:
         """Say that the contract is fulfilled, then take the mark off. Where that cannot be done it is proven anyway."""
@@ -266,7 +265,6 @@ class AppChange(StepChange):
                 raise NotReadyError(f"{UNKNOWN}: {seen.reason}")
 
     def _go_back(self) -> None:
-        """The old version again, and its part of the graph."""
         step, hands, timeout = self.step, self.hands, self.settings.ready_timeout
         follows, run = self.found.succession.nodes, run_of(self.told.started)
         old, previous = sorted({*step.old_nodes.values(), *follows} - {""}), [*step.previous.values()]
@@ -374,7 +372,7 @@ class InstallChange(StepChange):
         self.hands.need_master()
         with self.hands.telling():
             timeout = float(self.step.conditions["timeout"])
-            self.stays(self.step.conditions, timeout, PROMISED, self.step.workloads)
+            self.hands.stays(self.step.conditions, timeout, PROMISED, self.step.workloads)
 
     def finish(self) -> StepResult:
         result = self.result(UPDATED)
@@ -392,7 +390,7 @@ class InstallChange(StepChange):
                 with contextlib.suppress(NotReadyError):
                     self.cluster.wait(workloads, LOOK_SECONDS)
                     if self.hands.master:
-                        self.stays(promised(self.hands.robot, [app]), LOOK_SECONDS, PROMISED, workloads)
+                        self.hands.stays(promised(self.hands.robot, [app]), LOOK_SECONDS, PROMISED, workloads)
                         self._prove(workloads)
                         proven.append(app)
         except FleetError as error:

@@ -43,8 +43,6 @@ ENDS: Mapping[type[FleetError], tuple[str, str]] = {
     CancelledError: (FAILED, FAILED),
 }
 NOTHING = "nothing was touched"
-LOOK_SECONDS = 1.0  # for which the graph has to be as it should be
-STAY_EXTRA = 5.0  # until the API shows what the robot shows
 MAYBE_UNPROVEN = UNPROVEN.replace("it runs", "it may run")
 
 
@@ -181,7 +179,6 @@ class Change:
         return self.left or (UNPROVEN if self.written else MAYBE_UNPROVEN)
 
     def release(self) -> None:
-        """Let the goals go that are held."""
         for rest in self.rests:
             rest.release()
 
@@ -209,14 +206,3 @@ class StepChange(Change):
         objects = step_objects(self.step, contracts, *limits, self.told.started)
         self.maps = [item for item in objects if item["kind"] == "ConfigMap"]
         return objects
-
-    def stays(self, conditions: Object, timeout: float, what: str, workloads: Sequence[Object]) -> None:
-        """The robot's graph is like that, and for `verify_seconds` no container of these ends; NotReadyError.
-
-        The graph is looked at first and last. Between them the API alone is watched: that costs the robot nothing.
-        """
-        seconds, at_first = self.settings.verify_seconds, min(self.settings.verify_seconds, LOOK_SECONDS)
-        self.hands.ready(conditions, timeout + at_first, what, stable=at_first)
-        self.cluster.stay(workloads, STAY_EXTRA, seconds - at_first)
-        if seconds > at_first:
-            self.hands.ready(conditions, timeout, what)

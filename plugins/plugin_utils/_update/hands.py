@@ -29,6 +29,8 @@ from .world import Calm, Graph, Live, MonotonicClock, Object, Seen
 
 MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
+GRAPH_SECONDS = 1.0  # for which the graph has to be as it should be
+STAY_EXTRA = 5.0  # until the API shows what the robot shows
 MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 LOOK_SECONDS, LOOKS = 8.0, 50  # of one look at a robot that works, at least; about as many looks as that, at most
 NO_MASTER = "run the stage master of rosops.fleet.site first"
@@ -163,6 +165,17 @@ class Hands:
         )
         if seen.verdict != PASS:
             raise NotReadyError(seen.reason)
+
+    def stays(self, conditions: Object, timeout: float, what: str, workloads: Sequence[Object]) -> None:
+        """The robot's graph is like that, and for `verify_seconds` no container of these ends; NotReadyError.
+
+        The graph is looked at first and last. Between them the API alone is watched: that costs the robot nothing.
+        """
+        seconds, at_first = self.settings.verify_seconds, min(self.settings.verify_seconds, GRAPH_SECONDS)
+        self.ready(conditions, timeout + at_first, what, stable=at_first)
+        self.cluster.stay(workloads, STAY_EXTRA, seconds - at_first)
+        if seconds > at_first:
+            self.ready(conditions, timeout, what)
 
     @contextlib.contextmanager
     def telling(self) -> Iterator[None]:

@@ -23,12 +23,12 @@ from ...module_utils._common.poll import PASS
 from ...module_utils._ros import contract as ros_contract
 from ...module_utils._step.objects import hash_of
 from ...module_utils._step.words import CONTRACT
-from .._model import names
 from .._model.context import Robot
 from .._objects.common import config_map, owner_labels
 from .change import Change
 from .cluster import KubeCluster
 from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings, World
+from .nodes import robots_nodes
 from .outcome import StepResult
 from .plan import Step, wanted_before
 from .revisions import key_of
@@ -278,12 +278,6 @@ class Ward(Hands):
 def contract_name(node: str) -> str:
     """Of the ConfigMap of a contract."""
     return f"host-change-{node}" if node else "host-change"
-
-
-def robots_nodes(graph: Graph, robot: Robot) -> list[str]:
-    """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
-    below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
-    return [name for name in graph.names if name.startswith(below) and not ros_contract.is_tool(name)]
 
 
 def conditions(graph: Graph, nodes: Iterable[str]) -> Object:

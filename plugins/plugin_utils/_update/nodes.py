@@ -58,6 +58,12 @@ def own_nodes(named: Mapping[str, str], graph: Graph, pods: Iterable[Object]) ->
     return found
 
 
+def robots_nodes(graph: Graph, robot: Robot) -> list[str]:
+    """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
+    below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
+    return [name for name in graph.names if name.startswith(below) and not is_tool(name)]
+
+
 @dataclass(frozen=True)
 class Launched:
     """An app whose nodes a launch file names: what is behind their names before and after a step.

@@ -25,6 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import robots_nodes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object, Seen
@@ -478,7 +479,7 @@ def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:
     }
     actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
     graph = Graph.from_dict({"nodes": nodes, "actions": actions})
-    own = host_change.robots_nodes(graph, TWO[0])
+    own = robots_nodes(graph, TWO[0])
     assert own == ["/robot1/dead", "/robot1/planner", "/robot1/silent"]
     # a server that does not answer may be at work, one that is gone is not
     assert [one["server"] for one in actions_to_rest(graph, own)] == ["/robot1/planner", "/robot1/silent"]
