@@ -21,8 +21,8 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections")]
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (  # noqa: E402
     FOREVER,
     OFFERS,

@@ -97,8 +97,7 @@ class ActionModule(HostAction):
         node = Fleet.from_vars(known).hosts[known["inventory_hostname"]].node
         try:
             with self.cluster(params, known) as kube:
-                ended = self.change(work, self.place(known, kube, node), settings, known)
+                found = self.change(work, self.place(known, kube, node), settings, known)
         except FleetError as error:
             return {**RobotOutcome(word_of(error), f"{NOTHING}: {error}").as_dict(), "since": None}
-        found = ended.result
-        return {**RobotOutcome(found.outcome, found.reason, (found,)).as_dict(), "since": ended.since}
+        return {**RobotOutcome(found.outcome, found.reason, (found,)).as_dict(), "since": self.since}

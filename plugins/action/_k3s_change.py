@@ -23,11 +23,10 @@ from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._model.topology import EDGE_CLUSTER
 from ..plugin_utils._report.kept import keep_early
-from ..plugin_utils._update.change import Ended
+from ..plugin_utils._update.cluster import server_versions, servers_down
 from ..plugin_utils._update.host_change import Place
-from ..plugin_utils._update.kube_nodes import server_versions, servers_down
 from ..plugin_utils._update.ledger import SERVERS
-from ..plugin_utils._update.outcome import UNPROVEN, WAITING, RobotOutcome
+from ..plugin_utils._update.outcome import UNPROVEN, WAITING, RobotOutcome, StepResult
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
 
@@ -89,7 +88,6 @@ class ActionModule(HostAction):
 
     TRANSFERS_FILES = True
     KIND = "k3s"
-    _since: float | None = None  # it has waited for the robots
     ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
@@ -106,7 +104,7 @@ class ActionModule(HostAction):
             if shared:  # they hold one datastore: what one did not take, none is given
                 reason = "not begun: another server of its cluster failed"
             return {"changed": False, "outcome": RobotOutcome(UNCHANGED, reason).as_dict(), "msg": reason}
-        ledger.note(name, word, since=self._since)
+        ledger.note(name, word, since=self.since)
         if word == WAITING:
             return {"changed": False, "waiting": True, "msg": reason}
         if word != UPDATED:
@@ -123,7 +121,7 @@ class ActionModule(HostAction):
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             _step(exchange, ())
-            return self._told(self.change(exchange, Place(), settings, known))
+            return _told(self.change(exchange, Place(), settings, known))
         with self.cluster(params, known) as kube:
             pods_notice = _permitted(exchange, kube.nodes(), variables)
             if pods_notice:
@@ -132,15 +130,15 @@ class ActionModule(HostAction):
                     "containers of this node again"
                 )
             place = self.place(known, kube, node, pods_notice)
-            outcome = self._told(self.change(exchange, place, settings, known))
+            outcome = _told(self.change(exchange, place, settings, known))
             if not (self._task.check_mode or outcome.outcome == WAITING):
                 changed = outcome.outcome == UPDATED
                 keep_early(kube, known["inventory_hostname"], outcome.outcome, f"k3s: {outcome.reason}", changed)
             return outcome
 
-    def _told(self, ended: Ended) -> RobotOutcome:
-        self._since, found = ended.since, ended.result
-        return RobotOutcome(found.outcome, found.told() if found.outcome == UPDATED else found.reason, (found,))
+
+def _told(found: StepResult) -> RobotOutcome:
+    return RobotOutcome(found.outcome, found.told() if found.outcome == UPDATED else found.reason, (found,))
 
 
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Variables) -> bool:

@@ -29,14 +29,12 @@ from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, 
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.kept import keep_early
-from ..plugin_utils._update.cluster import KubeCluster, run_name
 from ..plugin_utils._update.engine import Engine
+from ..plugin_utils._update.hands import Settings, look_seconds
 from ..plugin_utils._update.host import ImageSource
 from ..plugin_utils._update.ledger import FLEET, Ledger
 from ..plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ..plugin_utils._update.plan import Request
-from ..plugin_utils._update.rest import look_seconds
-from ..plugin_utils._update.settings import Settings
 
 UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "apps": {"type": "list", "elements": "str", "default": []},
@@ -156,8 +154,7 @@ class ActionModule(GatedAction):
             node = NodeImages(there, params["image_rate_limit"], self.say(self._vars), self._pull_secrets())
             return ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
 
-        cluster = KubeCluster(kube, self.say(self._vars), run_name(self._vars))
-        engine = Engine(robot, settings, cluster, self.world(self._vars, source))
+        engine = Engine(robot, settings, self.run_of(kube, self._vars), self.world(self._vars, source))
         outcome, self._since = engine.run(), engine.waiting
         if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
             keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))

@@ -9,30 +9,27 @@ last wave nobody waits: it soaks all the same, and status and the next run say w
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from ansible import constants as C  # noqa: N812 - its customary name
-
 from ..module_utils._common.documents import Arguments, Result, Variables
-from ..plugin_utils._action import voice
 from ..plugin_utils._action.cancelled import cancellable
-from ..plugin_utils._action.clock import MonotonicClock
-from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._action.gated import GatedAction
 from ..plugin_utils._model import names
 from ..plugin_utils._model.fleet import robot_from_vars
 from ..plugin_utils._model.outcomes import UPDATED
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._report.kept import keep_early
-from ..plugin_utils._update.cluster import KubeCluster, run_name
-from ..plugin_utils._update.ledger import Ledger
+from ..plugin_utils._update.engine import soak
 from ..plugin_utils._update.outcome import StepResult
-from ..plugin_utils._update.soak import soak
 
 
-class ActionModule(ClusterAction):
+class ActionModule(GatedAction):
+    """What it sees counts as what the robot's update came to: `KIND` is that of `_robot_update`."""
+
+    _requires_connection = False
+    KIND = "robot"
+
     def work(self, params: Arguments, known: Variables) -> Result:
         told = known.get("update_result") or {}
         result = {"changed": False, **{key: told[key] for key in ("outcome", "at_work") if key in told}}
@@ -42,13 +39,12 @@ class ActionModule(ClusterAction):
         robot, host = robot_from_vars(known), str(known["inventory_hostname"])
         shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(robot) else []
         with self.cluster(params, known) as kube, cancellable():
-            stand = functools.partial(voice.stand, host)
-            cluster = KubeCluster(kube, self.say(known), run_name(known))
-            found = soak(cluster, [robot.namespace, *shared], revisions(outcome), MonotonicClock(), stand)
+            place, new = [robot.namespace, *shared], revisions(outcome)
+            found = soak(self.run_of(kube, known), place, new, self.world(known))
             if found.outcome == UPDATED:
                 return result
             keep_early(kube, host, found.outcome, found.reason, changed=True)
-        Ledger(Path(C.DEFAULT_LOCAL_TMP), str(known["ansible_play_batch"][0])).note(host, found.outcome)
+        self.ledger(known).note(host, found.outcome)
         return {**result, "outcome": {**outcome, "outcome": found.outcome, "reason": found.reason}}
 
 

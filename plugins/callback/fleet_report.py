@@ -77,8 +77,8 @@ from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
 from ..plugin_utils._report.run import Report, RunReport, Task, screen, word_of
 from ..plugin_utils._report.silence import LOOK, Silence
-from ..plugin_utils._update.standing import Standing
-from ..plugin_utils._update.ticker import ticking
+from ..plugin_utils._update.ledger import Standing
+from ..plugin_utils._update.world import ticking
 from ..plugin_utils._upstream.ansible_core import identity, playbook_file
 
 CORE = (2, 19)  # as in meta/runtime.yml

@@ -13,8 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-from .._update.ticker import ticking
-from .._update.world import CancelledError
+from .._update.world import CancelledError, ticking
 
 PARENT_SECONDS = 1.0  # a run that was killed is nobody's after that time
 

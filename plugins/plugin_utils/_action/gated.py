@@ -23,18 +23,15 @@ from .._images.node import NodeImages
 from .._kube.client import Kube
 from .._model.fleet import VARIABLE, Fleet, robot_from_vars
 from .._model.outcomes import FAILED, UNCHANGED
-from .._update.change import NOTHING, Ended, word_of
-from .._update.cluster import KubeCluster, run_name
+from .._update.change import NOTHING, word_of
+from .._update.cluster import KubeCluster, robots_on, run_name
+from .._update.hands import Settings, World, look_seconds
 from .._update.host import ImageSource, ModuleHost
 from .._update.host_change import HostChange, Place, Work
-from .._update.kube_nodes import robots_on
 from .._update.ledger import Ledger
-from .._update.outcome import WAITING, RobotOutcome
-from .._update.rest import look_seconds
-from .._update.settings import Settings
-from .._update.world import World
+from .._update.outcome import WAITING, RobotOutcome, StepResult
+from .._update.world import MonotonicClock
 from . import voice
-from .clock import MonotonicClock
 from .cluster import ClusterAction
 from .host import RobotHost
 
@@ -62,19 +59,29 @@ class GatedAction(ClusterAction):
             ledger.note(str(known["inventory_hostname"]), FAILED)
             raise
 
-    def world(self, known: Variables, images: Callable[[RobotHost], ImageSource]) -> World:
-        """The task's host, asked through the collection's modules, its clock, and whoever listens to it."""
+    def run_of(self, kube: Kube, known: Variables) -> KubeCluster:
+        """The cluster, as this run changes robots in it."""
+        return KubeCluster(kube, self.say(known), run_name(known))
+
+    def world(self, known: Variables, images: Callable[[RobotHost], ImageSource] | None = None) -> World:
+        """The task's host, asked through the collection's modules, its clock, and whoever listens to it.
+
+        Without `images` there are none to be brought.
+        """
         there, check = RobotHost(self, known), bool(self._task.check_mode)
 
         def module(name: str, arguments: Arguments) -> Result:
             return there.module(f"rosops.fleet.{name}", arguments)
 
+        source = images(there) if images else ImageSource(NodeImages(there))
         stand = functools.partial(voice.stand, known["inventory_hostname"])
-        return World(ModuleHost(there.there, module, images(there), check), MonotonicClock(), self.say(known), stand)
+        return World(ModuleHost(there.there, module, source, check), MonotonicClock(), self.say(known), stand)
 
 
 class HostAction(GatedAction):
     """A change of the host itself."""
+
+    since: float | None = None  # when the last one began to wait for the robots, by the clock's `now`
 
     def settings(self, variables: Variables, ready_timeout: float, name: str, before: Result) -> Settings:
         """How patient the change of this name is; `before` is what the ledger has of it."""
@@ -94,9 +101,11 @@ class HostAction(GatedAction):
             robots = [robot_from_vars(known)]
         else:
             robots = robots_on(kube, node, Fleet.from_vars(known).robots.values()) if edge else []
-        return Place(KubeCluster(kube, self.say(known), run_name(known)), node, robots)
+        return Place(self.run_of(kube, known), node, robots)
 
-    def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> Ended:
+    def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> StepResult:
         """What became of it."""
-        world = self.world(known, lambda there: ImageSource(NodeImages(there)))
-        return HostChange(work, place, settings, world).take()
+        change = HostChange(work, place, settings, self.world(known))
+        result = change.take()
+        self.since = change.since
+        return result

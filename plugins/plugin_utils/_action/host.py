@@ -13,8 +13,7 @@ from typing import Any
 from ansible.errors import AnsibleConnectionFailure, AnsibleError
 
 from ...module_utils._common.errors import FleetError
-from .._update.ticker import ticking
-from .._update.world import AwayError
+from .._update.world import AwayError, ticking
 from .._upstream import ansible_core
 from . import voice
 

@@ -15,7 +15,7 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
 
 from ...module_utils._common.errors import printable
-from .._update.standing import Standing
+from .._update.ledger import Standing
 
 display = Display()
 _ALONE = threading.Lock()

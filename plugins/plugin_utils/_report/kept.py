@@ -22,8 +22,7 @@ from .._kube.client import Kube
 from .._kube.connection import ApiError
 from .._model import names
 from .._objects.common import config_map, owner_labels
-from .._update.events import Event, known_events
-from .._update.outcome import RobotOutcome, StepResult
+from .._update.outcome import Event, RobotOutcome, StepResult, known_events
 from .host_run import SPOILT, HostRun, noted_run
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")

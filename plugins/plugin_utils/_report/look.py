@@ -28,7 +28,7 @@ from .._model.fleet import Fleet
 from .._model.keys import plain, read
 from .._model.topology import ClusterPart
 from .._objects.pod_settings import promised
-from .._update.events import EVENTS_NAME
+from .._update.outcome import EVENTS_NAME
 from . import held, host_run, ros_graph, rows
 from .host_run import HostRun
 from .kept import REF, kept_runs, kept_steps

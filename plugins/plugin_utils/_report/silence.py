@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from .._update.standing import Word
+from .._update.ledger import Word
 
 LONGEST = 13.0  # seconds, so that with the time between two looks no line is later than 15; AWX may end a job after 20
 LOOK = 2.0

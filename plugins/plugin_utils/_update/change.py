@@ -13,28 +13,24 @@
     finish    the change is proven, or its keeper watches it for a while (`update_soak`)
     rollback  or the change is taken back, under the same proof
 
-The kinds of a change are a new version of an app (`app_change`), the installation of all that is new
-(`install_change`), the removal of an app (`removal_change`) and a change of the host (`host_change`).
+The kinds of a change of a robot's apps, which are the steps of its plan, are in `app_change`: a new version, the
+installation of all that is new, a removal. A change of the host is in `host_change`.
 """
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from ...module_utils._common.errors import FleetError
+from ...module_utils._ros.contract import Contract
 from .._kube.access import ServersAwayError
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UPDATED
-from .events import step_id
-from .hands import Hands
-from .outcome import UNPROVEN, WAITING, StepResult
+from .hands import BusyError, Hands, Rest, Settings, World
+from .manifests import step_objects
+from .outcome import UNPROVEN, WAITING, StepResult, step_id
 from .plan import Step
-from .rest import BusyError, Rest
-from .settings import Settings
-from .step import NO_GRAPH, with_rates
-from .world import AwayError, CancelledError, Graph, HeldError, LostError, Object, World
+from .world import AwayError, CancelledError, HeldError, LostError, Object
 
 # The outcome of a change that an error ends: before the change has begun to write, and after that. Any other error is a
 # failure before it, and after it a reason to go back.
@@ -47,8 +43,6 @@ ENDS: Mapping[type[FleetError], tuple[str, str]] = {
     CancelledError: (FAILED, FAILED),
 }
 NOTHING = "nothing was touched"
-LOOK_SECONDS = 1.0  # for which the graph has to be as it should be
-STAY_EXTRA = 5.0  # until the API shows what the robot shows
 MAYBE_UNPROVEN = UNPROVEN.replace("it runs", "it may run")
 
 
@@ -66,77 +60,55 @@ def word_of(error: FleetError, begun: bool = False) -> str:
     return next((words[begun] for kind, words in ENDS.items() if isinstance(error, kind)), FAILED)
 
 
-@dataclass(frozen=True)
-class Learned:
-    """What a run knows of a robot's graph."""
-
-    graph: Graph = NO_GRAPH
-    recorded: bool = False
-    stale: bool = False  # a step has changed the graph since
-    rated: frozenset[str] = frozenset()  # nodes of which the rates at rest are known
-
-    def anew(self, graph: Graph) -> Learned:
-        """The graph as it is now, with the rates that are known."""
-        return replace(self, graph=with_rates(graph, self.graph), recorded=True, stale=False)
-
-
-class Ended(NamedTuple):
-    """What a change leaves to the run that made it."""
-
-    result: StepResult
-    learned: Learned
-    since: float | None  # when the change began to wait for the robot, by the clock's `now`
-    over: bool  # no further change is begun
-
-
 class Change:
     """One change. A kind says what its phases do; what goes wrong in them is the change's result, and no error."""
 
     where = "robot"  # that may go away
-    learned = Learned()
+    untouched = NOTHING  # what a run leaves where nothing of the change was made, in words
+    left = ""  # the same where it was made and can neither be proven nor taken back
 
-    def __init__(self, told: StepResult, world: World, check: bool) -> None:
-        self.told, self.name, self.check = told, told.name, check
+    def __init__(self, host: str, step: Step, settings: Settings, world: World) -> None:
+        self.step, self.name, self.settings, self.check = step, step.name, settings, settings.check
         self.clock, self.say, self.trace = world.clock, world.say, world.trace
+        since = settings.since.get(step.name)
+        waited = 0.0 if since is None else world.clock.now() - since
+        started = world.clock.wall() - waited
+        self.told = StepResult(
+            step_id(host, step.apps, started), step.name, step.apps, step.handoff, step.before, step.after, started, {}
+        )
         self.rests: list[Rest] = []
         self.begun = False  # something may have been written
         self.written = False  # all of it was
-        self.over = False
-        self._phases, self._open, self._booked = dict(told.phases), list[str](), 0.0
+        self.over = False  # no further change is begun
+        self._phase, self._phases, self._booked = "", {"wait": waited}, 0.0
 
-    def take(self) -> Ended:
+    @property
+    def since(self) -> float | None:
+        """When it began to wait for a robot, by the clock's `now`."""
+        return next((rest.since for rest in self.rests if rest.since is not None), None)
+
+    def take(self) -> StepResult:
         """All of the change, from its gate to its outcome."""
         try:
-            self._proceed()
-            result = self.result(UPDATED) if self.check else self.finish()
+            self.proceed()
+            return self.result(UPDATED) if self.check else self.finish()
         except FleetError as error:
-            result = self._ends(error) if ends(error) else self._goes_back(error)
-        since = next((rest.since for rest in self.rests if rest.since is not None), None)
-        return Ended(result, self.learned, since, self.over)
+            return self._ends(error) if ends(error) else self._goes_back(error)
 
-    def _proceed(self) -> None:
-        with self.phase("gate"):
-            self.gate()
-        self.start()
-        with self.phase("wait"):
-            self.hold()
-        with self.phase("record"):
-            self.record()
-        with self.phase("apply"):
-            self.apply()
-        if not self.check:
-            with self.phase("rollout"):
-                self.roll_out()
-            with self.phase("verify"):
-                self.verify()
+    def proceed(self) -> None:
+        before = [("gate", self.gate), ("wait", self.hold), ("record", self.record), ("apply", self.apply)]
+        after = [("rollout", self.roll_out), ("verify", self.verify)]
+        try:
+            for name, phase in [*before, *([] if self.check else after)]:
+                self.phase(name)
+                phase()
+        finally:
+            self.phase("")
 
     # --- what a kind does in its phases; each raises one of our errors ----------------------------------------------
 
     def gate(self) -> None:
         """Refuse what cannot go well, before anything is touched."""
-
-    def start(self) -> None:
-        """Start what can wait beside the old version for the old version's end."""
 
     def hold(self) -> None:
         """Wait until the robot rests, and hold new goals back. In check mode the robot is only looked at."""
@@ -160,26 +132,18 @@ class Change:
     def back(self) -> None:
         """Take back whatever part of the change was made; StaysError where there is no way back."""
 
-    @property
-    def left(self) -> str:
-        """What a run leaves that can neither prove the change nor go back, in words."""
-        return UNPROVEN if self.written else MAYBE_UNPROVEN
-
-    @property
-    def untouched(self) -> str:
-        """The same where nothing of the change was made."""
-        return NOTHING
-
     # --- what became of the change ----------------------------------------------------------------------------------
 
     def result(self, outcome: str = "", reason: str = "") -> StepResult:
         """The change with its outcome; without one it is still at hand."""
-        phases = {name: round(seconds, 3) for name, seconds in self._phases.items() if seconds}
+        phases = {name: told for name, seconds in self._phases.items() if (told := round(seconds, 3))}
         return replace(self.told, phases=phases, outcome=outcome, reason=reason)
 
     def _ends(self, error: FleetError, before: str = "") -> StepResult:
         """This run does nothing more. `before` is what had gone wrong already."""
-        if not isinstance(error, LostError):  # whoever has the robot now may hold goals, too
+        # Whoever has the robot now may hold goals of the same actions for a change of its own, and one that is let go
+        # goes to a server that is just replaced: it would be lost. A goal that is held on is only late, by a minute.
+        if not isinstance(error, LostError):
             self.release()
         word = word_of(error, self.begun)
         if isinstance(error, BusyError) and any(rest.patient for rest in self.rests):
@@ -193,91 +157,52 @@ class Change:
         if not self.begun:
             self.release()
             return self.result(FAILED, self._left_after(str(error)))
+        outcome, reason = ROLLED_BACK, str(error)
         try:
             self.back()
         except StaysError as stays:
-            result = self.result(FAILED, f"{error}; {stays}")
+            outcome, reason = FAILED, f"{error}; {stays}"
         except FleetError as worse:
+            self.phase("")
             if ends(worse):
                 return self._ends(worse, str(error))
             self.say(f"{self.name}: the way back failed, too: {worse}")
-            result = self.result(FAILED, f"{error}; the way back failed, too: {worse}; {self.left}")
-        else:
-            result = self.result(ROLLED_BACK, str(error))
+            outcome, reason = FAILED, f"{error}; the way back failed, too: {worse}; {self._stays()}"
+        self.phase("")
         self.release()
-        return result
+        return self.result(outcome, reason)
 
     def _left_after(self, why: str) -> str:
-        return f"{why}; {self.left}" if self.begun else f"{self.untouched}: {why}"
+        return f"{why}; {self._stays()}" if self.begun else f"{self.untouched}: {why}"
+
+    def _stays(self) -> str:
+        return self.left or (UNPROVEN if self.written else MAYBE_UNPROVEN)
 
     def release(self) -> None:
-        """Let the goals go that are held."""
         for rest in self.rests:
             rest.release()
 
-    @contextlib.contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """The seconds of this phase; those of a phase within it are not among them."""
-        self.trace(f"{self.name}: {name}")
-        self._book()
-        self._open.append(name)
-        try:
-            yield
-        finally:
-            self._book()
-            self._open.pop()
-
-    def _book(self) -> None:
+    def phase(self, name: str) -> None:
+        """From now on the seconds are those of this phase, or of none."""
         now = self.clock.now()
-        if self._open:
-            self._phases[self._open[-1]] = self._phases.get(self._open[-1], 0.0) + now - self._booked
-        self._booked = now
-
-
-@dataclass(frozen=True)
-class Turn:
-    """What a step of a robot's plan gets of its run."""
-
-    hands: Hands
-    settings: Settings
-    learned: Learned
-    later: Sequence[Step]  # this one, and those after it
-    events: Callable[[StepResult | None, Sequence[StepResult]], Object]  # the record of updates with what is at hand
+        if self._phase:
+            self._phases[self._phase] = self._phases.get(self._phase, 0.0) + now - self._booked
+        if name:
+            self.trace(f"{self.name}: {name}")
+        self._phase, self._booked = name, now
 
 
 class StepChange(Change):
-    """A change of what runs on a robot: a step of its plan."""
+    """A change of what runs on a robot: the first of the `steps` of its plan, after which the others come."""
 
-    def __init__(self, step: Step, turn: Turn) -> None:
-        self.step, self.hands, self.settings, self.events = step, turn.hands, turn.settings, turn.events
-        self.host, self.cluster = turn.hands.host, turn.hands.cluster
-        self.learned, self.later = turn.learned, turn.later
-        clock, since = turn.hands.clock, turn.settings.since.get(step.name)
-        waited = 0.0 if since is None else clock.now() - since
-        started, name = clock.wall() - waited, turn.hands.robot.name
-        told = StepResult(
-            step_id(name, step.apps, started), step.name, step.apps, step.handoff,
-            step.before, step.after, started, {"wait": waited},
-        )  # fmt: skip
-        super().__init__(told, turn.hands.world, turn.settings.check)
+    def __init__(self, steps: Sequence[Step], hands: Hands) -> None:
+        super().__init__(hands.robot.name, steps[0], hands.settings, hands.world)
+        self.hands, self.host, self.cluster, self.later = hands, hands.host, hands.cluster, steps
+        self.maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
 
-    @property
-    def master(self) -> str:
-        return self.hands.master
-
-    def write(self, objects: Sequence[Object]) -> None:
-        """Apply the objects with the record of updates, in which this step is at hand."""
-        self.begun = True  # from the first of these objects on
-        self.hands.apply_all([self.events(self.result(), ()), *objects])
-        self.written = True
-
-    def stays(self, conditions: Object, timeout: float, what: str, workloads: Sequence[Object] | None = None) -> None:
-        """The robot's graph is like that, and for `verify_seconds` no container of these ends; NotReadyError.
-
-        The graph is looked at first and last. Between them the API alone is watched: that costs the robot nothing.
-        """
-        seconds, at_first = self.settings.verify_seconds, min(self.settings.verify_seconds, LOOK_SECONDS)
-        self.hands.ready(conditions, timeout + at_first, what, stable=at_first)
-        self.cluster.stay(self.step.workloads if workloads is None else workloads, STAY_EXTRA, seconds - at_first)
-        if seconds > at_first:
-            self.hands.ready(conditions, timeout, what)
+    def marked(self, contracts: Mapping[str, Contract]) -> Sequence[Object]:
+        """The step's objects with the contracts, the way back, and the mark of what is not proven."""
+        limits = self.settings.rate_tolerance, self.settings.ready_timeout
+        objects = step_objects(self.step, contracts, *limits, self.told.started)
+        self.maps = [item for item in objects if item["kind"] == "ConfigMap"]
+        return objects

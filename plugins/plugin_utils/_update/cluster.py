@@ -20,14 +20,17 @@ from .._kube.cache import Ref, parse_refs
 from .._kube.client import Kube, ref_of
 from .._kube.connection import ApiError
 from .._kube.lease import Lease
+from .._kube.pods import condition
 from .._kube.wait import WaitOptions, wait_for_rollout
 from .._model import names
-from .ticker import ticking
-from .world import HeldError, Live, LostError, Object
+from .._model.context import Robot
+from .._objects.namespace import needs_fleet_namespace
+from .world import HeldError, Live, LostError, Object, ticking
 
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 LOOK_SECONDS = 0.5
+SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
 
@@ -56,7 +59,10 @@ def live_in(kube: Kube, namespaces: Iterable[str]) -> Live:
 
 
 class KubeCluster:
-    """`say` gets what is still open, every ten seconds of a wait; `holder` is who has the robot meanwhile."""
+    """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes.
+
+    `say` gets what is still open, every ten seconds of a wait; `holder` is who has the robot meanwhile.
+    """
 
     def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
         self._kube, self._say, self._holder = kube, say, holder
@@ -69,6 +75,7 @@ class KubeCluster:
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:
+        """Be the only run that changes what is in this namespace; HeldError names who is. It ends with its run."""
         # what cannot be renewed within its time need not be renewed for longer
         lease = Lease(self._kube.within(LEASE_SECONDS), namespace, LEASE, self._holder, LEASE_SECONDS)
         claim = self._take(lease)
@@ -80,6 +87,7 @@ class KubeCluster:
             self._claims.remove(claim)
 
     def confirm(self) -> None:
+        """Whether all that was claimed is still this run's; LostError says whose it is."""
         for claim in self._claims:
             claim.confirm()
 
@@ -97,26 +105,36 @@ class KubeCluster:
         return claim
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        """In this order. After an error some of them may be applied; none after a LostError."""
         return self._writer.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        """What is not there is no error. An object with a uid is deleted if it is that very one."""
         uids = {ref_of(item): str(uid) for item in objects if (uid := item["metadata"].get("uid"))}
         return self._writer.delete([ref_of(item) for item in objects], dry_run, uids)
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(
-            objects, WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
-        )
+        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.
+
+        With minReadySeconds: until these are Ready.
+        """
+        how = WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
+        self._wait(objects, how)
 
     def wait(self, objects: Sequence[Object], timeout: float) -> None:
+        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
         self._wait(objects, WaitOptions(timeout, say=self._say))
 
     def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
+        """The same, and then so many seconds more; NotReadyError at once if a container ends meanwhile.
+
+        What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
+        """
         how = WaitOptions(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
         self._wait(objects, how)
 
     def beat(self, node: str) -> str:
-        """When the node's kubelet renewed its Lease."""
+        """When the node's kubelet was last heard of, in its own words; empty where it never was."""
         lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
         return str((lease.get("spec") or {}).get("renewTime") or "")
 
@@ -173,3 +191,42 @@ class _Claim:
         if not hold.mine:
             who = f"{hold.holder} has this robot since {hold.since}" if hold.holder else "another one had this robot"
             self._lost = f"{who}, as this run could not renew its Lease for {LEASE_SECONDS} s"
+
+
+# --- a cluster of which one node is to be changed ---------------------------------------------------------------------
+
+
+def robots_on(kube: Kube, node: str, robots: Iterable[Robot]) -> list[Robot]:
+    """Those of which a pod is on the node, and those that need one of the whole fleet's which is; KubeError."""
+    pods = kube.objects("Pod", fields=f"spec.nodeName={node}")
+    there = {str(pod["metadata"]["namespace"]) for pod in pods}
+    at_fleets = names.FLEET_NAMESPACE in there
+    return [
+        robot
+        for robot in robots
+        # a standalone one's fleet namespace is in a cluster of its own
+        if robot.namespace in there or (at_fleets and needs_fleet_namespace(robot) and robot.mode != "standalone")
+    ]
+
+
+def server_versions(nodes: Iterable[Object]) -> dict[str, str]:
+    """Node of each server -> the version of its kubelet, which is that of its k3s."""
+    return {
+        str(node["metadata"]["name"]): str(((node.get("status") or {}).get("nodeInfo") or {}).get("kubeletVersion"))
+        for node in nodes
+        if is_server(node)
+    }
+
+
+def servers_down(nodes: Iterable[Object], but: str) -> list[str]:
+    """Servers other than `but` that are not Ready: with one more away the cluster may have no majority."""
+    return sorted(
+        str(node["metadata"]["name"])
+        for node in nodes
+        if is_server(node) and node["metadata"]["name"] != but and condition(node, "Ready").get("status") != "True"
+    )
+
+
+def is_server(node: Object) -> bool:
+    """Whether the node runs the API."""
+    return any(label in (node["metadata"].get("labels") or {}) for label in SERVER_LABELS)

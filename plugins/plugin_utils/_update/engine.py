@@ -7,19 +7,8 @@
     prepare   images on the node, namespace, claims, code for the pods, while the robot works
 
 then, where no app is at work, all that is new at once: applied, awaited, and the graph is what the apps promised; else
-
-    and for every step
-    record    the graph
-    gate      what has to hold, and whether anything forbids the step
-    start     a new version that cannot work beside the old one waits there for its end
-    hold      idle, new goals held back, idle still; now the rates of what the step replaces are those of rest
-    apply     record, way back and new version, marked as not proven
-    hand over by the pods themselves; awaited
-    verify    the graph is what was recorded
-    finish    the mark comes off
-    or back   once the new version is idle or dead: the old version, under the same proof
-
-and in the end, where that is asked for, the graph of the whole robot is what its apps promise.
+step by step, each a change from its gate to its outcome (`change.py`). And in the end, where that is asked for, the
+graph of the whole robot is what its apps promise.
 
 What has to be remembered is in the cluster before it is needed: the record of the step in a ConfigMap beside each
 Deployment (`_step/record.py`). So a run may end at any line, and the next one goes on from there.
@@ -28,34 +17,30 @@ Deployment (`_step/record.py`). So a run may end at any line, and the next one g
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ...module_utils._common.errors import FleetError, NotReadyError, SpecError
+from ...module_utils._step.objects import app_of
+from ...module_utils._step.record import soaks
 from ...module_utils._step.update_record import NEWS, REASON_KEPT, back_in_words, ways_back
 from .._kube.running import TODO, outdated
 from .._model import names
 from .._model.context import Robot, namespace_of
-from .._model.outcomes import UNCHANGED, UPDATED
-from .._objects.belongings import belongings
-from .._objects.namespace import removed_claims
-from .._objects.parts import READY, ground_objects, workload_objects
-from .addresses import located, other_master
-from .app_change import AppChange
-from .change import NOTHING, Learned, StepChange, Turn, word_of
-from .drift import lost_services, suspects
-from .events import EVENTS_NAME, events_map, known_events
-from .hands import Hands
-from .install import INSTALL, claim_users, with_install
-from .install_change import InstallChange, all_ready
-from .outcome import WAITING, RobotOutcome, StepResult, robot_outcome
-from .plan import Plan, Step, update_plan, wanted_deployments
-from .removal import REMOVE, with_removals
-from .removal_change import RemovalChange
-from .revisions import Key, files_owner, key_of, read_records, unused
-from .settings import Settings
-from .step import local_images
-from .world import AwayError, CancelledError, Cluster, HeldError, Object, World
+from .._model.outcomes import FAILED, ROLLED_BACK, UNCHANGED, UPDATED
+from .._objects.namespace import removed_claims, storage_objects
+from .._objects.parts import APPS, MASTER, READY, ground_objects
+from .addresses import NAMES, located, other_master
+from .app_change import KINDS, PROMISED, AppChange
+from .change import NOTHING, word_of
+from .cluster import KubeCluster
+from .hands import Hands, Settings, World
+from .lifecycle import with_install, with_removals
+from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
+from .plan import INSTALL, Desired, Plan, Step, all_of, promised, rendered, update_plan
+from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, read_records, suspects, unused
+from .step import images_of
+from .world import AwayError, CancelledError, HeldError, Object
 
 MOVED = (
     "the inventory has another one for them. A node cannot change its master while it works: take the apps out first "
@@ -63,16 +48,19 @@ MOVED = (
 )
 
 
-KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}
+LOOK_SECONDS = 5.0  # between two looks at what soaks
+LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each look may take its time
 
 
 class Engine(Hands):
     """One robot, one run."""
 
-    def __init__(self, robot: Robot, settings: Settings, cluster: Cluster, world: World) -> None:
-        super().__init__(robot, cluster, world, settings.check)
-        self.settings, self.plan, self.learned = settings, Plan(), Learned()
-        self.results: list[StepResult] = []
+    def __init__(self, robot: Robot, settings: Settings, cluster: KubeCluster, world: World) -> None:
+        super().__init__(robot, settings, cluster, world)
+        self.plan = Plan()
+        self.desired: Desired = {}  # what the robot is to run
+        self.ground: Sequence[Object] = ()  # what the pods stand on, of the parts that are asked for
+        self._rendered: Robot | None = None  # of whom these are
         self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.left = False  # it is at work and has to be changed, which this run may not
         self.trouble: FleetError | None = None  # after the steps
@@ -106,13 +94,22 @@ class Engine(Hands):
                 raise self.trouble
             installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
             if READY in self.settings.parts and not (self.check or installed):
-                all_ready(self, self.settings.rollout_timeout)
+                self._all_ready()
         except FleetError as error:
             reason = "; ".join(filter(None, [outcome.reason, str(error)]))
             return replace(outcome, outcome=word_of(error, begun=True), reason=reason)
         if outcome.outcome == UNCHANGED and self.changes:
             return replace(outcome, outcome=UPDATED, reason=", ".join(str(change.ref) for change in self.changes))
         return outcome
+
+    def _all_ready(self) -> None:
+        """All of it is rolled out, and its graph is what its apps promise, whether or not they were changed."""
+        workloads = deployments_of(all_of(self.desired))
+        self.cluster.wait([*storage_objects(self.robot), *workloads], self.settings.rollout_timeout)
+        self.need_master()
+        conditions = promised(self.robot, [app.name for app in self.robot.apps])
+        with self.telling():
+            self.ready(conditions, float(conditions["timeout"]), PROMISED)
 
     # --- whose the robot is -----------------------------------------------------------------------------------------
 
@@ -137,39 +134,33 @@ class Engine(Hands):
     @contextlib.contextmanager
     def _claimed(self) -> Iterator[None]:
         """Be the only run that changes the robot. What was planned before may be another run's work by now."""
-        self._make_namespaces()
+        # those that are not there: a Lease lives in one
+        wanted = [item for item in self.ground if item["kind"] == "Namespace"]
+        found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
+        self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
         with contextlib.ExitStack() as claims:
             claims.enter_context(self.cluster.claim(self.robot.namespace))
             self._plan()
-            if self._is_shared():
+            # a step changes what is the whole fleet's; to make what is not there is anybody's
+            changed = [item for step in self.plan.steps if step.kind != INSTALL for item in step.objects]
+            if any(item["metadata"].get("namespace") == names.FLEET_NAMESPACE for item in changed):
                 claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
                 self._plan()
             if self._make_services():
                 self._plan()
             yield
 
-    def _make_namespaces(self) -> None:
-        """Those that are not there: a Lease lives in one."""
-        wanted = [item for item in self._ground() if item["kind"] == "Namespace"]
-        found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
-        self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
-
     def _make_services(self) -> bool:
         """Those of a new master: its pods and the apps' are told their addresses. Whether there were any."""
-        known, steps = self.robot.master.addresses, () if self.left else self.plan.steps
-        new = [
-            item
-            for step in steps
-            for item in step.objects
-            if item["kind"] == "Service" and item["metadata"]["name"] not in known
-        ]
+        objects = [item for step in (() if self.left else self.plan.steps) for item in step.objects]
+        services = [item for item in objects if item["kind"] == "Service"]
+        new = [item for item in services if item["metadata"]["name"] not in self.robot.master.addresses]
         self.apply_all(new)
         return bool(new)
 
     def _differs(self, gone: Sequence[Object]) -> bool:
         """Whether anything is to be changed that no pod notices. The API server says so."""
-        ground = self._ground()
-        found = [*self.cluster.apply(ground, dry_run=True)] if ground else []
+        found = [*self.cluster.apply(self.ground, dry_run=True)] if self.ground else []
         found += self.cluster.delete(gone, dry_run=True) if gone else []
         return any(change.changed for change in found)
 
@@ -183,13 +174,13 @@ class Engine(Hands):
         if gated:
             self._record()
         for number, step in enumerate(self.plan.steps):
-            turn = Turn(self, self.settings, self.learned, self.plan.steps[number:], self.events)
-            ended = KINDS.get(step.kind, AppChange)(step, turn).take()
-            self.results.append(ended.result)
-            self.learned = replace(ended.learned, stale=not self.check)
-            if ended.result.outcome == WAITING and ended.since is not None:
-                self.waiting[step.name] = ended.since
-            if ended.result.outcome != UPDATED or ended.over:
+            change = KINDS.get(step.kind, AppChange)(self.plan.steps[number:], self)
+            result = change.take()
+            self.results.append(result)
+            self.stale = not self.check
+            if result.outcome == WAITING and change.since is not None:
+                self.waiting[step.name] = change.since
+            if result.outcome != UPDATED or change.over:
                 break
         else:
             self._remove(gone)
@@ -208,15 +199,18 @@ class Engine(Hands):
         other = other_master(self.robot, self.live, lambda: self.cluster.read([names.FLEET_NAMESPACE]))
         if other:
             raise SpecError(f"{self.robot.name}'s apps run with {other}, and {MOVED}")
-        self.robot = located(self.robot, self.live)
-        request = replace(self.settings.request, parts=self.settings.parts)
-        plan = update_plan(self.robot, self.live, request, self._drifted())
+        self.robot, settings = located(self.robot, self.live), self.settings
+        if self.robot != self._rendered:
+            self._rendered, self.desired = self.robot, rendered(self.robot)
+            self.ground = ground_objects(self.robot, settings.parts, settings.pull_secrets, settings.code)
+        request = replace(settings.request, parts=settings.parts)
+        plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
         self.plan = with_removals(with_install(plan, self.robot), self.robot, self.live, request)
-        self.left = not self.settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
+        self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:
         """Deployments that are not what they say. The API server knows whether a difference is one."""
-        suspected = suspects(wanted_deployments(self.robot), self.live)
+        suspected = suspects(deployments_of(all_of(self.desired)), self.live)
         found = [one.ref for one in self.cluster.apply(suspected, dry_run=True) if one.changed] if suspected else []
         for ref in found:
             self.say(f"{ref.name} was changed by hand")
@@ -224,30 +218,21 @@ class Engine(Hands):
 
     def _lost(self) -> list[Object]:
         """Services that no step brings back."""
-        return lost_services(workload_objects(self.robot, self.settings.parts), self.live)
-
-    def _is_shared(self) -> bool:
-        """Whether a step changes what is the whole fleet's. To make what is not there is anybody's."""
-        gated = [step for step in self.plan.steps if step.kind != INSTALL]
-        places = {item["metadata"].get("namespace") for step in gated for item in step.objects}
-        return names.FLEET_NAMESPACE in places
-
-    def _ground(self) -> list[Object]:
-        """What the pods stand on, of the parts that are asked for."""
-        settings = self.settings
-        return list(ground_objects(self.robot, settings.parts, settings.pull_secrets, settings.code))
+        parts = self.settings.parts
+        asked = {app: made for app, made in self.desired.items() if (MASTER if app in NAMES else APPS) in parts}
+        return lost_services(all_of(asked), self.live)
 
     def _prepare(self, gated: Sequence[Step]) -> None:
         """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
-        images = {image for step in gated for image in local_images(step)}
+        images = {image for step in gated for image in images_of(step, names.LABEL_ROBOT)}
         # of what is installed the archives alone: the node pulls the rest, all at the same time
         if images or any(step.kind == INSTALL for step in self.plan.steps):
             self.host.bring(sorted(images))
         services = self._lost()
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
-        self.apply_all([*self._ground(), *services])
+        self.apply_all([*self.ground, *services])
         if services:  # with addresses of their own
             self.live = replace(self.live, services=self.read().services)
 
@@ -255,7 +240,7 @@ class Engine(Hands):
         """Before the first step. The update of a master that does not answer is how to mend it."""
         self.trace("record")
         try:
-            self.learned = self.learned.anew(self.host.graph(self.master))
+            self.learn(self.host.graph(self.master))
         except (AwayError, CancelledError):
             raise
         except FleetError:
@@ -270,19 +255,17 @@ class Engine(Hands):
 
         Of those that went all of it. What is left because of an error the next update finds.
         """
-        apps = {key_of(item) for step in gated for item in step.workloads} & self._own_apps()
+        # the master and its keeper have Services of their own
+        own = {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
+        apps = {key_of(item) for step in gated for item in step.workloads} & own
         before = {*map(files_owner, self.live.maps), *map(key_of, self.live.services)}
         gone = [*self.plan.remnants]
         try:
             if apps & before:  # most have none
-                gone += unused(self.read(), apps, belongings(self.robot))
+                gone += unused(self.read(), apps, self.ground)
             self.delete(gone)
         except FleetError as error:
             self.say(f"what earlier versions had is still there: {error}")
-
-    def _own_apps(self) -> set[Key]:
-        """Namespace and name; the master and its keeper have Services of their own."""
-        return {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
 
     def _remove(self, claims: Sequence[Object]) -> None:
         """The claims, with their data; none of them while something runs that mounts it."""
@@ -299,15 +282,10 @@ class Engine(Hands):
 
     # --- the record of the robot's updates --------------------------------------------------------------------------
 
-    def events(self, running: StepResult | None, ended: Sequence[StepResult] = ()) -> Object:
-        """The record with this run's steps: those that have ended, and the one at hand."""
-        back = ways_back(self.live.deployments, read_records(self.live.maps))
-        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
-
     def untold(self) -> list[Object]:
         """The record, where it is not at its end: also that a run before this one ended without a word."""
         there = [item.get("data") for item in self.live.maps if item["metadata"]["name"] == EVENTS_NAME]
-        record = self.events(None)
+        record = self.events()
         return [] if self.check or not (self.results or there) or record["data"] in there else [record]
 
     def tell(self) -> None:
@@ -330,3 +308,34 @@ class Engine(Hands):
         told = {app: back_in_words(one) for app, one in back.items()}
         new = [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
         return [*new, *dict.fromkeys(f"{one.app} {one.what}; {TODO}" for one in others)]
+
+
+# --- the wait between two waves -------------------------------------------------------------------------------------
+
+
+def soak(cluster: KubeCluster, namespaces: Sequence[str], new: Mapping[str, str], world: World) -> RobotOutcome:
+    """What became of a robot whose apps were updated, once its keeper has proven what is new, or taken it back.
+
+    `new` is app -> revision. KubeError.
+    """
+    clock = world.clock
+    began = clock.now()
+    while True:
+        live = cluster.read(namespaces)
+        records = read_records(live.maps)
+        back = ways_back(live.deployments, records)
+        bad = [f"{app}: {back_in_words(told)}" for app, told in back.items() if told["from"] == new.get(app)]
+        if bad:
+            return RobotOutcome(ROLLED_BACK, "; ".join(bad))
+        soaking = [app_of(item) for item in live.deployments if soaks(item, records) and app_of(item) in new]
+        if not soaking:
+            return RobotOutcome(UPDATED)
+        spent, seconds = clock.now() - began, max(records[app].soak for app in soaking)
+        if spent >= 2 * seconds + LATE:
+            return RobotOutcome(
+                FAILED,
+                f"the robot's keeper has said for {spent:.0f} s neither that {', '.join(soaking)} stays good nor that "
+                "it does not; see its log (kubectl logs deploy/ros-keeper)",
+            )
+        world.trace(f"waits whether {', '.join(soaking)} stays good for {seconds:.0f} s")
+        clock.sleep(LOOK_SECONDS)

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 from ...module_utils._common.errors import NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
+from ...module_utils._ros.graph import Graph
 from ...module_utils._ros.graph_json import graph_data, graph_from
 from .._images.node import NodeImages
-from .world import Calm, Graph, Object, Seen
+from .world import Calm, Object, Seen
 
 INTERVAL = 0.2
 RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken from the network
@@ -35,15 +36,20 @@ RunModule = Callable[[str, Object], Object]  # name and arguments to result; Awa
 
 
 class ModuleHost:
-    """`reach` is an answer of the host, `run` executes a module of this collection; both raise AwayError."""
+    """AwayError where the host cannot be reached.
+
+    `reach` is an answer of the host, `run` executes a module of this collection; both raise that.
+    """
 
     def __init__(self, reach: Callable[[], None], run: RunModule, images: ImageSource, check: bool = False) -> None:
         self._reach, self._run, self._images, self._check = reach, run, images, check
 
     def there(self) -> None:
+        """Whether it can be reached."""
         self._reach()
 
     def bring(self, images: Sequence[str]) -> bool:
+        """Have these images on the node; whether anything had to be brought."""
         source = self._images
         names = dict.fromkeys([*source.names, *images])
         brought = source.node.bring(source.archives, names, self._check, source.keep)
@@ -52,35 +58,45 @@ class ModuleHost:
         return brought.changed
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
+        """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
         asked: Object = {"md5sums": True, "service_connections": True}
         if nodes:
             asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
         return graph_from(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
+        """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
+
+        With none nothing is held, and one look that finds it so is enough.
+        """
         actions: Sequence[Object] = calm.actions
         if self._check:  # an action without its server is looked at, and not held
             actions = [{"name": action["name"]} for action in actions]
+        at = {"keeper_uri": keeper} if keeper else {}
         values = {"values": list(calm.when)} if calm.when else {}
         asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
-        found = self._run("ros_action_hold", {"master_uri": master, **_given(keeper_uri=keeper), **asked})
+        found = self._run("ros_action_hold", {"master_uri": master, **at, **asked})
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+        """Let the held goals go."""
         if keeper:
             asked = {"state": "released", "actions": list(actions), "timeout": RELEASE_SECONDS}
             self._well("ros_action_hold", {"master_uri": master, "keeper_uri": keeper, **asked})
 
     def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+        """Wait until the conditions (options of ros_ready) hold, for `stable` seconds without a break."""
         asked = {"timeout": timeout, "stable": stable, "interval": INTERVAL}
         found = self._run("ros_ready", {"master_uri": master, **conditions, **asked})
         return Seen(_verdict(found), str(found.get("msg") or ""))
 
     def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
+        """Register these nodes (all without names) with the master as the graph shows them."""
         asked = {"master_uri": master, "graph": graph_data(graph), "nodes": list(nodes), "state": "present"}
         self._well("ros_registrations", asked)
 
     def reap(self, master: str, nodes: Sequence[str]) -> None:
+        """Take away what dead nodes of these names left."""
         self._well("ros_registrations", {"master_uri": master, "nodes": list(nodes), "state": "absent"})
 
     def _well(self, name: str, arguments: Object) -> Object:
@@ -94,7 +110,3 @@ def _verdict(result: Object) -> str:
     """A module that broke off without a verdict can tell nothing, whatever it was asked."""
     found = result.get("verdict")
     return str(found) if found in (PASS, WAIT, FAIL) else FAIL
-
-
-def _given(**values: str) -> dict[str, str]:
-    return {name: value for name, value in values.items() if value}

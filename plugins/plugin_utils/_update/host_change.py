@@ -13,29 +13,27 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from ...module_utils._common.errors import FleetError, KubeError, NotReadyError
-from ...module_utils._common.poll import FAIL, PASS
+from ...module_utils._common.poll import PASS
 from ...module_utils._ros import contract as ros_contract
-from ...module_utils._ros.names import is_tool
+from ...module_utils._step.objects import hash_of
 from ...module_utils._step.words import CONTRACT
-from .._model import names
 from .._model.context import Robot
 from .._objects.common import config_map, owner_labels
-from .change import Change, Ended
-from .events import step_id
-from .hands import SLICE, Hands
+from .change import Change
+from .cluster import KubeCluster
+from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings, World
+from .nodes import robots_nodes
 from .outcome import StepResult
-from .plan import wanted_before
-from .rest import HOLD_SECONDS, BusyError, Rest
-from .settings import Settings
+from .plan import Step, wanted_before
+from .revisions import key_of
 from .step import actions_to_rest
-from .world import AwayError, Calm, CancelledError, Cluster, Graph, Object, World
+from .world import AwayError, Calm, CancelledError, Graph, Object
 
 PAUSE = 1.0  # between two looks at what comes up
 
@@ -43,24 +41,11 @@ PAUSE = 1.0  # between two looks at what comes up
 class Work(Protocol):
     """What is to be done to the host. Every method does what it says or raises one of our errors."""
 
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def before(self) -> str:
-        """What an operator reads of what is there."""
-
-    @property
-    def after(self) -> str:
-        """Of what is to come; the same as `before` where only settings change."""
-
-    @property
-    def unproven(self) -> bool:
-        """Whether what is there was made by a run that ended before it was proven."""
-
-    @property
-    def left(self) -> str:
-        """What a run leaves that can neither prove it nor go back."""
+    name: str
+    before: str  # what an operator reads of what is there
+    after: str  # of what is to come; the same as `before` where only settings change
+    unproven: bool  # whether what is there was made by a run that ended before it was proven
+    left: str  # what a run leaves that can neither prove it nor go back
 
     def make(self) -> None:
         """Do it. After an error some of it may be done."""
@@ -82,7 +67,7 @@ class Place:
     Without a cluster nobody can be asked who works there, and without a node there is none to be proven by.
     """
 
-    cluster: Cluster | None = None
+    cluster: KubeCluster | None = None
     node: str = ""
     robots: Sequence[Robot] = ()
 
@@ -93,28 +78,20 @@ class HostChange(Change):
     where = "host"
 
     def __init__(self, work: Work, place: Place, settings: Settings, world: World) -> None:
-        self.work, self.settings, self.world = work, settings, world
+        self.work, self.world, self.left = work, world, work.left
         self.cluster, self.node, self.robots = place.cluster, place.node, place.robots
         self.wards: list[Ward] = []
         self._beat = ""  # the kubelet's last word before the change
         self._claims = contextlib.ExitStack()
-        name, before, after, now = work.name, work.before, work.after, world.clock.wall()
-        new = {"image": after, "revision": "settings" if before == after else ""}
-        told = StepResult(
-            step_id(place.node, [name], now), name, [name], "replace", {name: {"image": before}}, {name: new}, now, {}
-        )
-        super().__init__(told, world, settings.check)
+        new = {"image": work.after, "revision": "settings" if work.before == work.after else ""}
+        before, after = {work.name: {"image": work.before}}, {work.name: new}
+        step = Step(work.name, self.where, [work.name], "replace", before=before, after=after)
+        super().__init__(place.node, step, settings, world)
 
-    def take(self) -> Ended:
+    def take(self) -> StepResult:
         """The claims end when nothing is held any more."""
         with self._claims:
-            ended = super().take()
-            self.release()
-            return ended
-
-    @property
-    def left(self) -> str:
-        return self.work.left
+            return super().take()
 
     # --- before -----------------------------------------------------------------------------------------------------
 
@@ -124,33 +101,33 @@ class HostChange(Change):
         if self.cluster is None:
             return
         for robot in sorted(self.robots, key=lambda one: one.name):
-            ward = Ward(robot, self.cluster, self.world, self.check)
+            ward = Ward(robot, self.settings, self.cluster, self.world)
             ward.live = ward.read()
             if any(item["metadata"]["namespace"] == robot.namespace for item in ward.live.deployments):
                 self.wards.append(ward)
         for ward in self.wards if not self.check else ():
-            self._claims.enter_context(ward.cluster.claim(ward.robot.namespace))
+            self._claims.enter_context(self.cluster.claim(ward.robot.namespace))
             ward.live = ward.read()  # the run that had it may have changed it just now
 
     def hold(self) -> None:
         """Wait until all robots rest at the same time."""
         self._record()
-        settings, now = self.settings, self.clock.now()
-        since = settings.since.get(self.name, now)
-        seconds = settings.busy_timeout if settings.on_busy == "wait" and not self.check else 0.0
-        wards = [ward for ward in self.wards if ward.calm and (settings.on_busy != "force" or self.check)]
-        rests = [Rest(ward, seconds, since) for ward in wards]
-        self.rests = rests
+        settings, now = self.settings, self.clock.now
+        first, since = now(), settings.since.get(self.name, now())
+        resting = {ward: Rest(ward, settings.on_busy, since) for ward in self.wards}
+        resting = {ward: rest for ward, rest in resting.items() if rest.needed(ward.calm)}
+        self.rests = [*resting.values()]
         while True:
-            began = self.clock.now()
-            for ward, rest in zip(wards, rests, strict=True):
-                look = None if settings.look_timeout is None else settings.look_timeout - (self.clock.now() - now)
-                self._rest(ward, rest, look if look is None else max(look, 0.0))
-            if len(wards) < 2 or self.check or self.clock.now() - began < HOLD_SECONDS - SLICE:
+            began = now()
+            for ward, rest in resting.items():
+                look = settings.look_timeout and max(settings.look_timeout - (now() - first), 0.0)
+                rest.begin(ward.calm, self.name, ward.robot.name, look)
+            if len(resting) < 2 or self.check or now() - began < HOLD_SECONDS - SLICE:
                 return
             # what was held first has been let go by its keeper meanwhile
-            if self.clock.now() >= since + seconds:
-                raise BusyError(f"{', '.join(ward.robot.name for ward in wards)} were not idle at the same time")
+            if not any(rest.patient for rest in self.rests):
+                robots = ", ".join(ward.robot.name for ward in resting)
+                raise BusyError(f"{robots} were not idle at the same time")
 
     def _record(self) -> None:
         """What each robot's graph is now, and has to be again; of a change that was cut off, what it was before."""
@@ -166,17 +143,6 @@ class HostChange(Change):
                 if self.settings.on_busy != "force" and ward.contract is None:
                     raise
                 self.say(f"the graph of {ward.robot.name} cannot be read, and is not waited for: {error}")
-
-    def _rest(self, ward: Ward, rest: Rest, look: float | None) -> None:
-        name, policy = ward.robot.name, self.settings.on_busy
-        seen = rest.idle(ward.calm, f"{self.name} waits until {name} is idle", look)
-        if seen.verdict == FAIL:
-            raise NotReadyError(f"it cannot be seen whether {name} is idle: {seen.reason}")
-        if self.check:
-            self.say(f"{self.name}: {name} is {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
-        # in check mode nobody has waited: what would be waited for is no reason against the change
-        if seen.verdict != PASS and not (self.check and policy != "defer"):
-            raise BusyError(f"{name}: {seen.reason}")
 
     # --- the change -------------------------------------------------------------------------------------------------
 
@@ -200,31 +166,11 @@ class HostChange(Change):
         """By the change's own word, by the node and its Deployments, by the graphs; NotReadyError says what is not."""
         self.work.works()
         end = self.clock.now() + self.settings.ready_timeout
-        if self.cluster and self.node:
-            self._patiently(end, functools.partial(self._heard_anew, self.cluster))
-            self._patiently(end, functools.partial(self._rolled_out, self.cluster, end))
-        for ward in self.wards:
-            self._patiently(end, functools.partial(ward.as_recorded, self.settings.verify_seconds))
-        self.work.proven()
-        for ward in self.wards:
-            ward.forget(self.node)
-
-    def _heard_anew(self, cluster: Cluster) -> None:
-        """The API's word on a node may be older than the change: only a kubelet that says something new is up."""
-        if cluster.beat(self.node) == self._beat:
-            raise NotReadyError(f"node {self.node}: its kubelet has not been heard of since")
-
-    def _rolled_out(self, cluster: Cluster, end: float) -> None:
-        node = {"apiVersion": "v1", "kind": "Node", "metadata": {"name": self.node}}
-        there = [item for ward in self.wards for item in ward.available()]
-        cluster.wait([node, *there], max(end - self.clock.now(), 0.0))
-
-    def _patiently(self, end: float, look: Callable[[], None]) -> None:
-        """Again and again until it is well or the time is over; what was seen last is the error."""
         said = self.clock.now()
-        while True:
+        while True:  # what was seen last is the error
             try:
-                return look()
+                self._look(end)
+                break
             except (KubeError, NotReadyError) as error:
                 if self.clock.now() >= end:
                     raise NotReadyError(str(error)) from error
@@ -232,14 +178,33 @@ class HostChange(Change):
                     said = self.clock.now()
                     self.say(f"{self.name}: not yet proven: {error}")
                 self.clock.sleep(PAUSE)
+        self.work.proven()
+        for ward in self.wards:
+            ward.forget(self.node)
+
+    def _look(self, end: float) -> None:
+        """Once, whether all is there again; KubeError, NotReadyError."""
+        if self.cluster and self.node:
+            # the API's word on a node may be older than the change: only a kubelet that says something new is up
+            if self.cluster.beat(self.node) == self._beat:
+                raise NotReadyError(f"node {self.node}: its kubelet has not been heard of since")
+            node = {"apiVersion": "v1", "kind": "Node", "metadata": {"name": self.node}}
+            there = [item for ward in self.wards for item in ward.available()]
+            self.cluster.wait([node, *there], max(end - self.clock.now(), 0.0))
+        for ward in self.wards:
+            ward.as_recorded()
+
+    def finish(self) -> StepResult:
+        self.release()
+        return super().finish()
 
     def back(self) -> None:
         self.say(f"{self.name}: it is taken back")
-        with self.phase("rollback"):
-            with contextlib.suppress(KubeError):  # the API may be what the change has broken
-                self._confirm()
-            self.work.undo()
-            self.verify()
+        self.phase("rollback")
+        with contextlib.suppress(KubeError):  # the API may be what the change has broken
+            self._confirm()
+        self.work.undo()
+        self.verify()
 
 
 @dataclass(frozen=True)
@@ -265,20 +230,23 @@ class Ward(Hands):
 
         A step that changed an app since has proven it by what it was, and its nodes may have new names.
         """
-        kept = [item for item in self.live.maps if item["metadata"]["name"] == contract_name(node)]
-        for item in kept:
-            found = HostContract(**json.loads(item["data"][CONTRACT]))
-            if found.versions == _versions(self.live.deployments):
-                self.contract = found
+        for item in self.live.maps:
+            if item["metadata"]["name"] == contract_name(node):
+                found = HostContract(**json.loads(item["data"][CONTRACT]))
+                if found.versions == self._versions():
+                    self.contract = found
 
     def record(self) -> None:
         """Its graph as it is now; RosError."""
-        graph = self.host.graph(self.master)
-        nodes = own_nodes(graph, self.robot)
-        self.calm = Calm(actions_to_rest(graph, nodes), wanted_before(self.robot), self.robot.windows)
+        self.learn(self.host.graph(self.master))
+        nodes = robots_nodes(self.graph, self.robot)
+        self.calm = Calm(actions_to_rest(self.graph, nodes), wanted_before(self.robot), self.robot.windows)
         if self.contract is None:
-            there = self.live.deployments
-            self.contract = HostContract(conditions(graph, nodes), _versions(there), _well(there))
+            well = [_name(item) for item in self.live.deployments if _available(item)]
+            self.contract = HostContract(conditions(self.graph, nodes), self._versions(), well)
+
+    def _versions(self) -> dict[str, str]:
+        return {_name(item): hash_of(item) for item in self.live.deployments}
 
     def keep(self, node: str) -> None:
         """Lay the contract down for the next run; KubeError."""
@@ -294,13 +262,14 @@ class Ward(Hands):
 
     def available(self) -> list[Object]:
         """The robot's Deployments that were well before the change. The proof asks for no others."""
-        there = self.live.deployments
-        return [item for item in there if _key(item) in (self.contract.well if self.contract else _well(there))]
+        there, kept = self.live.deployments, self.contract
+        return [item for item in there if (_name(item) in kept.well if kept else _available(item))]
 
-    def as_recorded(self, stable: float) -> None:
+    def as_recorded(self) -> None:
         """One look whether its graph is what was recorded; NotReadyError."""
         if self.contract is None:
             return
+        stable = self.settings.verify_seconds
         seen = self.host.ready(self.master, self.contract.conditions, SLICE + stable, stable=stable)
         if seen.verdict != PASS:
             raise NotReadyError(f"the graph of {self.robot.name}: {seen.reason}")
@@ -311,30 +280,14 @@ def contract_name(node: str) -> str:
     return f"host-change-{node}" if node else "host-change"
 
 
-def own_nodes(graph: Graph, robot: Robot) -> list[str]:
-    """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
-    below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
-    return [name for name in graph.names if name.startswith(below) and not is_tool(name)]
-
-
-def conditions(graph: Graph, nodes: Sequence[str]) -> Object:
+def conditions(graph: Graph, nodes: Iterable[str]) -> Object:
     """What these nodes are to the graph. A change of the host is no reason for another rate."""
-    found = ros_contract.conditions(ros_contract.record(graph, nodes))
+    found = ros_contract.conditions(ros_contract.record(graph, [*nodes]))
     return {**found, "topics": ros_contract.unstreamed(found["topics"])}
 
 
-def _key(item: Object) -> str:
-    return f"{item['metadata']['namespace']}/{item['metadata']['name']}"
-
-
-def _versions(deployments: Iterable[Object]) -> dict[str, str]:
-    return {
-        _key(item): (item["metadata"].get("annotations") or {}).get(names.ANNOTATION_HASH, "") for item in deployments
-    }
-
-
-def _well(deployments: Iterable[Object]) -> list[str]:
-    return [_key(item) for item in deployments if _available(item)]
+def _name(item: Object) -> str:
+    return "/".join(key_of(item))
 
 
 def _available(deployment: Object) -> bool:

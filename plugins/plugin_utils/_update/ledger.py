@@ -1,10 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the hosts of one run have come to so far, for the budget of failures, and for whoever comes back to a robot.
+"""What the tasks of one run tell each other: what hosts have come to so far, and where the tasks stand.
 
-A file in Ansible's own temporary directory of the run: all workers see it, and it goes with the run. Reading the same
-from the variables of all other hosts would cost every robot as much as there are robots.
+Two files in Ansible's own temporary directory of the run: all workers and the main process see them, and they go with
+the run. Reading the same from the variables of all other hosts would cost every robot as much as there are robots.
 """
 
 from __future__ import annotations
@@ -12,22 +12,26 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
-from collections.abc import Iterator
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from .._model.outcomes import OFFLINE
-from .outcome import COSTS_BUDGET, budget_left
+from ...module_utils._common.errors import SpecError
+from .._model.outcomes import FAILED, OFFLINE, ROLLED_BACK
 
-NAME = "rosops-fleet-ledger.jsonl"
+NAME, STANDING = "rosops-fleet-ledger.jsonl", "rosops-fleet-standing.jsonl"
+COSTS_BUDGET = (FAILED, ROLLED_BACK)
 FLEET = "the fleet's"  # the wave in which what belongs to all robots is changed, before any robot's own
 SERVERS = "servers"  # the kind of a change of the shared cluster's servers, which are none of the robots
 
 
 class Ledger:
-    """`wave` names the hosts that are changed together: what becomes of them does not count against each other.
+    """For the budget of failures, and for whoever comes back to a robot.
 
-    `kind` is what is changed of them: the budget is the run's, whatever it changes.
+    `wave` names the hosts that are changed together: what becomes of them does not count against each other. `kind` is
+    what is changed of them: the budget is the run's, whatever it changes.
     """
 
     def __init__(self, directory: Path, wave: str, kind: str = "") -> None:
@@ -37,7 +41,7 @@ class Ledger:
         """Why this wave may not begin, or nothing. SpecError for a budget that is none."""
         earlier = {
             line["robot"]: line["outcome"]
-            for line in self._lines()
+            for line in _lines(self._path)
             if line["wave"] != self._wave and line["outcome"] in COSTS_BUDGET
             if (line["kind"] == SERVERS) == (self._kind == SERVERS)
         }
@@ -47,10 +51,7 @@ class Ledger:
 
     def note(self, robot: str, outcome: str, **more: Any) -> None:
         """Write down what became of a host, and what the run has to know when it comes back to it."""
-        line = json.dumps({**more, "wave": self._wave, "kind": self._kind, "robot": robot, "outcome": outcome})
-        with self._path.open("a", encoding="utf-8") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)  # a line is written whole, whoever else writes
-            file.write(f"{line}\n")
+        _add(self._path, {**more, "wave": self._wave, "kind": self._kind, "robot": robot, "outcome": outcome})
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
@@ -61,14 +62,65 @@ class Ledger:
 
     def fleet_done(self) -> bool:
         """Whether some robot's turn has settled what is the fleet's. One that was off has not."""
-        return any(line["wave"] == FLEET and line["outcome"] != OFFLINE for line in self._lines())
+        return any(line["wave"] == FLEET and line["outcome"] != OFFLINE for line in _lines(self._path))
 
     def last(self, robot: str) -> dict[str, Any]:
         """What was noted last of a host's change of this kind, with all that was said besides."""
-        mine = (line for line in reversed(self._lines()) if (line["robot"], line["kind"]) == (robot, self._kind))
+        mine = (line for line in reversed(_lines(self._path)) if (line["robot"], line["kind"]) == (robot, self._kind))
         return next(mine, {})
 
-    def _lines(self) -> list[dict[str, Any]]:
-        if not self._path.exists():
-            return []
-        return [json.loads(line) for line in self._path.read_text(encoding="utf-8").splitlines()]
+
+def budget_left(budget: Any, robots: int, outcomes: Iterable[str]) -> int:
+    """How many more robots may fail. The budget is a number of robots or a percentage of them, rounded down.
+
+    Negative: it is used up, and no further wave may begin.
+    """
+    text = str(budget).strip()
+    try:
+        allowed = math.floor(robots * float(text[:-1]) / 100) if text.endswith("%") else int(text)
+    except ValueError:
+        raise SpecError(
+            f"update_failure_budget is {budget!r}; allowed: a number of robots, or a percentage as '10%'"
+        ) from None
+    if allowed < 0:
+        raise SpecError(f"update_failure_budget is {budget!r}; allowed: 0 or more")
+    return allowed - sum(word in COSTS_BUDGET for word in outcomes)
+
+
+class Word(NamedTuple):
+    """What the task of a host said: where it stands, or, without a text, that it has printed a line."""
+
+    at: float  # by a clock that is the same in all processes
+    host: str
+    text: str = ""
+
+
+class Standing:
+    """Where the tasks stand by their own word, for whoever looks at a run that is silent.
+
+    `clock` has to be the same in all processes.
+    """
+
+    def __init__(self, directory: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        self._path, self._clock = directory / STANDING, clock
+
+    def note(self, host: str, text: str = "") -> None:
+        _add(self._path, Word(self._clock(), host, text))
+
+    def words(self, since: float) -> list[Word]:
+        """Those that were said since then."""
+        return [word for word in (Word(*line) for line in _lines(self._path)) if word.at >= since]
+
+
+def _add(path: Path, said: Any) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # a line is written whole, whoever else writes
+        file.write(f"{json.dumps(said)}\n")
+
+
+def _lines(path: Path) -> list[Any]:
+    """What was written so far. A line that is being written is left for the next time."""
+    if not path.exists():
+        return []
+    *lines, _unfinished = path.read_text(encoding="utf-8").split("\n")
+    return [json.loads(line) for line in lines]

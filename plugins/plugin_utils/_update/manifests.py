@@ -1,12 +1,22 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a step applies: the records first, then the new versions with the mark of their step. Pure."""
+"""What a step applies: the records first, then the new versions with the mark of their step. Pure.
+
+Where two versions cannot work at once (`drain`, `replace`) the app is away for as long as the change takes. What needs
+no such change, a pod with its place, its volumes and its image, is made `beside` the old version before anything is
+held: so the app is away for less long, and not at all for a version that cannot even be started. The pod waits by
+itself for the old one's end (`_pod/namesake.py`).
+
+A launch file of which only some nodes wait for the old ones' end (`launch.replace`) gets Ready with the others. So that
+the old pod does not go by that alone, while goals of its action servers are not held yet, the Deployment asks for more
+seconds of being Ready than a step lasts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from ...module_utils._ros.contract import NOTHING, Contract
 from ...module_utils._step.objects import annotations_of, app_of, ends_of, revision_of
@@ -14,50 +24,49 @@ from ...module_utils._step.record import Mark, Record, record_of
 from ...module_utils._step.update_record import run_of
 from ...module_utils._step.words import UPDATING
 from .._model import names
-from .._objects.common import RECREATE_STRATEGY, object_labels
-from .plan import Step
+from .._objects.app import OVERLAP_STRATEGY
+from .._objects.common import RECREATE_STRATEGY, config_map, object_labels
+from .._objects.pod_code import waits_for_the_old
+from .plan import APP, INSTALL, Step
 from .revisions import described
-from .world import Object
+from .world import Calm, Object
 
 HISTORY_KEPT = 5
-INSTALL = Contract(install=True)  # of what is only just to come
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """How far rates may fall below the recorded ones, as a share, and the seconds that a version has to get ready."""
+def step_objects(
+    step: Step, contracts: Mapping[str, Contract], tolerance: float, ready_timeout: float, now: float
+) -> list[Object]:
+    """The contracts and the way back first, then the new versions with the mark of what is not proven yet.
 
-    tolerance: float
-    ready_timeout: float
-
-
-def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[Object]:
-    """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
-    maps = [_update_map(item, step, contracts.get(app_of(item), NOTHING), bounds, now) for item in step.workloads]
+    `tolerance` is the share by which rates may fall below the recorded ones, `ready_timeout` the seconds that a version
+    has to get ready, `now` when the step began, in seconds since 1970.
+    """
+    maps = []
+    for item in step.workloads:
+        app, metadata = app_of(item), item["metadata"]
+        contract, apps = contracts.get(app, NOTHING), tuple(step.apps)
+        if step.kind == INSTALL:  # each app by itself, and what is only just to come
+            contract, apps = Contract(install=True), (app,)
+        # a contract that is taken over from an earlier step says nothing of this one; and no clock ends it: it counts
+        # for its revision until it says `proven`
+        owed = replace(contract, revision=revision_of(item), tolerance=tolerance)
+        record = Record(owed, _history(app, step, now), run_of(now), apps, ready_timeout=ready_timeout)
+        labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
+        maps.append(config_map(names.update_name(app), metadata["namespace"], labels, record.data()))
     # the node's name is taken by what runs: for the time of the step the old one goes first
-    objects = with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
+    objects = _with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
     return [*maps, *marked(objects, run_of(now))]
 
 
-def with_strategy(objects: Iterable[Object], strategy: Object) -> list[Object]:
-    """These objects, with their Deployments' pods replaced in this way."""
-    return [
-        {**item, "spec": {**item["spec"], "strategy": dict(strategy)}} if item["kind"] == "Deployment" else item
-        for item in objects
-    ]
-
-
-def installing(objects: Sequence[Object], step: Step, bounds: Bounds, now: float) -> list[Object]:
-    """The records of an installation first, each app's by itself, then what it brings, marked."""
-    each = [(item, replace(step, apps=[app_of(item)])) for item in step.workloads]
-    maps = [_update_map(item, one, INSTALL, bounds, now) for item, one in each]
-    return [*maps, *marked(objects, run_of(now))]
-
-
-def installed(workloads: Iterable[Object], step: Step, bounds: Bounds, now: float) -> list[Object]:
-    """That these of its Deployments were proven, each by itself; their graph is recorded before their next step."""
-    each = [(item, replace(step, apps=[app_of(item)])) for item in workloads]
-    return fulfilled([_update_map(item, one, INSTALL, bounds, now) for item, one in each])
+def _history(app: str, step: Step, now: float) -> list[Object]:
+    """Earlier versions, the last proven one first, each once."""
+    before = step.previous.get(app)
+    if before is None:
+        return list(step.histories.get(app, []))
+    first = {"revision": revision_of(before), **described(before), "replaced": int(now), "deployment": before}
+    rest = [entry for entry in step.histories.get(app, []) if entry["revision"] != first["revision"]]
+    return [first, *rest][:HISTORY_KEPT]
 
 
 def fulfilled(maps: Iterable[Object]) -> list[Object]:
@@ -75,31 +84,6 @@ def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> l
     ]
 
 
-def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> Object:
-    """No clock ends a contract: it counts for its revision until it says `proven`."""
-    app, metadata = app_of(deployment), deployment["metadata"]
-    # one that is taken over from an earlier step says nothing of this one
-    owed = replace(contract, revision=revision_of(deployment), tolerance=bounds.tolerance)
-    record = Record(owed, _history(app, step, now), run_of(now), tuple(step.apps), ready_timeout=bounds.ready_timeout)
-    labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
-    return {
-        "apiVersion": "v1",
-        "kind": "ConfigMap",
-        "metadata": {"name": names.update_name(app), "namespace": metadata["namespace"], "labels": labels},
-        "data": record.data(),
-    }
-
-
-def _history(app: str, step: Step, now: float) -> list[Object]:
-    """Earlier versions, the last proven one first, each once."""
-    before = step.previous.get(app)
-    if before is None:
-        return list(step.histories.get(app, []))
-    first = {"revision": revision_of(before), **described(before), "replaced": int(now), "deployment": before}
-    rest = [entry for entry in step.histories.get(app, []) if entry["revision"] != first["revision"]]
-    return [first, *rest][:HISTORY_KEPT]
-
-
 def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[Object]:
     """The objects with the mark of an unproven version on the Deployments; SOAKING: of one that was found good."""
     found: list[Object] = []
@@ -110,3 +94,56 @@ def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[Obj
         else:
             found.append(item)
     return found
+
+
+def _with_strategy(objects: Iterable[Object], strategy: Object) -> list[Object]:
+    """These objects, with their Deployments' pods replaced in this way."""
+    return [
+        {**item, "spec": {**item["spec"], "strategy": dict(strategy)}} if item["kind"] == "Deployment" else item
+        for item in objects
+    ]
+
+
+# --- beside the old version -----------------------------------------------------------------------------------------
+
+
+def early(step: Step, calm: Calm, kept: bool = True) -> list[Object]:
+    """The Deployments that can start beside; none of a step that was cut off, or of which somebody changed one.
+
+    What is `calm` are the actions whose goals the step holds: without any a launch file has nothing to wait for. Nor
+    has it where the robot's master is not `kept`: should the run die, Kubernetes would hand over in its own time, and
+    nobody would hold the goals.
+    """
+    if step.kind != APP or step.unproven or step.drifted:
+        return []
+    goals_held = kept and bool(calm.actions)
+    chosen = []
+    for item in step.workloads:
+        app = app_of(item)
+        node, launch = step.new_nodes.get(app), step.launched.get(app)
+        if waits_for_the_old(item):
+            starts = bool(node) and node == step.old_nodes.get(app)  # by the name it finds the old one
+        else:
+            starts = goals_held and launch is not None and bool(launch.new and launch.held)
+        chosen += [item] if starts and app in step.previous else []
+    return chosen
+
+
+def beside(objects: Iterable[Object], chosen: Iterable[Object]) -> list[Object]:
+    """Of a step's objects the ConfigMaps, and these Deployments, the old pods of which stay for now."""
+    apps = {app_of(item) for item in chosen}
+    first = [
+        item
+        for item in objects
+        if item["kind"] == "ConfigMap" or (item["kind"] == "Deployment" and app_of(item) in apps)
+    ]
+    return [
+        item if item["kind"] != "Deployment" or waits_for_the_old(item) else _patient(item)
+        for item in _with_strategy(first, OVERLAP_STRATEGY)
+    ]
+
+
+def _patient(deployment: Object) -> Object:
+    """Not available for as long as the API allows; once it is applied without, its pod is available at once."""
+    spec = deployment["spec"]
+    return {**deployment, "spec": {**spec, "minReadySeconds": spec.get("progressDeadlineSeconds", 600) - 1}}

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which nodes of the ROS graph are an app's, and what the next version's are called. Pure.
+"""Apps on the ROS graph: their nodes, what the next version's are called, and what it is meant to change. Pure.
 
 An app has the node of its name, or all that its pod started. Those of a launch file have the names that it gives them;
 where its versions overlap, each with its revision behind it (`_pod/launch.py`).
@@ -9,19 +9,34 @@ where its versions overlap, each with its revision behind it (`_pod/launch.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
-from ...module_utils._ros.graph import host_of
-from ...module_utils._ros.names import is_tool
+from ...module_utils._robot.latched import worth_keeping
+from ...module_utils._ros.contract import Intended
+from ...module_utils._ros.graph import host_of, names_of
+from ...module_utils._ros.names import is_tool, matches, resolve
 from ...module_utils._step.objects import node_of, suffix_of
-from .._model import names
+from .._model import context, names
 from .._model.app import App
-from .intended import on_demand
+from .._model.context import Robot
 from .world import Graph, Object
 
 _HELD = "--replace="
+# What these have on the graph is their clients' wish, and the clients come to a pod once it is ready.
+_ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridge|web_video_server)\b")
+# Whether the keeper keeps it.
+LATCHED = {
+    True: "is given to later subscribers by the keeper until the next version says something",
+    False: "goes with it",
+}
+# Who publishes one of these moves the robot, and who takes it obeys.
+MOVING = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "trajectory_msgs/JointTrajectory")
+MOVING_PACKAGES = ("ackermann_msgs/", "control_msgs/", "mavros_msgs/")
+# These say what follows from the robot's description alone: two of them say the same.
+AGREEING = ("state_publisher", "static_transform")
 
 
 def own_nodes(named: Mapping[str, str], graph: Graph, pods: Iterable[Object]) -> dict[str, list[str]]:
@@ -41,6 +56,12 @@ def own_nodes(named: Mapping[str, str], graph: Graph, pods: Iterable[Object]) ->
         others = [node for node, address in at.items() if apps_at.get(address) == {app} and not is_tool(node)]
         found[app] = list(dict.fromkeys([*([name] if name else []), *others]))
     return found
+
+
+def robots_nodes(graph: Graph, robot: Robot) -> list[str]:
+    """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
+    below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
+    return [name for name in graph.names if name.startswith(below) and not is_tool(name)]
 
 
 @dataclass(frozen=True)
@@ -110,3 +131,91 @@ def succession(app: Launched, nodes: Sequence[str], there: Iterable[str]) -> Suc
             rest = name[len(node) :]
             names_[name] = (new[node] if rest[1:] in own else app.plain(node)) + rest
     return Succession(new, names_)
+
+
+# --- what the next version is meant to change -------------------------------------------------------------------------
+
+
+def on_demand(app: App) -> bool:
+    """Whether the app subscribes and publishes as its clients ask, known by its command."""
+    launched = (app.launch.package, *app.launch.file) if app.launch else ()
+    return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args, *launched))
+
+
+def intended(apps: Collection[App], robot: Robot, old_nodes: Mapping[str, str], back: bool = False) -> Intended:
+    """Of all apps of a step together: it is one change. `back`: to the version before, so names move back, too."""
+    ignore: list[str] = []
+    renamed: dict[str, str] = {}
+    rates: dict[str, float] = {}
+    nodes: list[str] = []
+    for app in apps:
+        stable, update = context.graph_node(app, robot), app.update
+        namespace, node = context.graph_namespace(app, robot), old_nodes.get(app.name) or stable
+
+        def full(name: str, app: App = app, namespace: str = namespace, node: str = node) -> str:
+            kept = name.startswith("~") and name[1:].lstrip("/") in app.private_names
+            return resolve(name, namespace, context.graph_node(app, robot) if kept else node)
+
+        ignore += [full(name) for name in update.ignore]
+        renamed |= {full(before): full(after) for before, after in update.renamed.items()}
+        rates |= {full(name): float(hz) for name, hz in update.rates.items()}
+        nodes += [node] if on_demand(app) else []
+    if back:
+        renamed = {after: before for before, after in renamed.items()}
+    keeps = robot.master.mode != "external" and all(app.hooks != "none" for app in apps)
+    return Intended(tuple(ignore), renamed, rates, tuple(nodes), keeps)
+
+
+def allowed(graph: Graph, nodes: Sequence[str], wanted: Intended) -> list[str]:
+    """What a step of these nodes (as they are called now) would allow, in words; what nobody has now is not told."""
+    own = set(nodes)
+    topics = {
+        name: topic
+        for name, topic in sorted(graph.topics.items())
+        if own & {*names_of((*topic.publishers, *topic.subscribers))}
+    }
+    services = {name for name, one in graph.services.items() if own & {one.said.provider, *names_of(one.providers)}}
+    actions = {name for name, action in graph.actions.items() if own & {*names_of(action.servers)}}
+    there = [*topics, *sorted(services), *sorted(actions)]
+    found = [f"{name} may be missing or of another type" for name in there if matches(name, wanted.ignore)]
+    found += [
+        f"{before} has to be {after} then"
+        for before, after in wanted.renamed.items()
+        if any(name == before or name.startswith(f"{before}/") for name in there)
+    ]
+    for name, topic in topics.items():
+        hz = wanted.rate(wanted.renamed.get(name, name))
+        was = [rate for key, rate in topic.rates.items() if key.name in own and rate]
+        if hz is not None:
+            carried = f" (now {max(was):g} Hz)" if was else ""
+            found.append(f"{name} may carry {'any rate' if not hz else f'{hz:g} Hz or more'}{carried}")
+    found += [f"{node} may have other topics and services: its clients ask for them" for node in wanted.on_demand]
+    for node in nodes:
+        latched = [name for name, topic in topics.items() if node in names_of(topic.latched)]
+        heard = [name for name, topic in topics.items() if node in names_of(topic.subscribers)]
+        found += [f"what {node} latched on {name} {LATCHED[wanted.keeps]}" for name in worth_keeping(latched, heard)]
+    return found
+
+
+# --- why two of a node must not be there at once ----------------------------------------------------------------------
+
+
+def obstacle(graph: Graph, node: str) -> str:
+    """What the node does that two of it would undo, in words; empty: nothing that shows.
+
+    The graph shows names and types. A device, a port or a file that both would write to it does not show.
+    """
+    for name, action in sorted(graph.actions.items()):
+        if node in names_of(action.servers):
+            return f"serves the action {name}, of which two servers lose goals"
+    for name, topic in sorted(graph.topics.items()):
+        moves = topic.type in MOVING or topic.type.startswith(MOVING_PACKAGES)
+        publishes = node in names_of(topic.publishers)
+        if moves and publishes:
+            return f"publishes {name} ({topic.type}), so two of it would both move the robot"
+        if moves and node in names_of(topic.subscribers):
+            return f"obeys {name} ({topic.type}), and two of it would"
+        agrees = any(word in node for word in AGREEING)
+        if name.endswith("/tf") and publishes and not agrees:
+            return f"publishes {name}, where two of it would contradict each other"
+    return ""

@@ -1,25 +1,43 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of a step, of a robot, and of the budget of failures. Pure."""
+"""What became of a step and of a robot, and the ConfigMap in which the robot's exporter reads it. Pure.
+
+From the ConfigMap the exporter tells metrics, annotations and logs. It keeps the latest step of every app, so it does
+not grow. It is applied together with what a step applies anyway.
+"""
 
 from __future__ import annotations
 
-import math
+import hashlib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
-from ...module_utils._common.errors import SpecError, printable
+from ...module_utils._common.errors import printable
 from ...module_utils._step import update_record
+from ...module_utils._step.update_record import NEWS, REASON_KEPT, RUNNING, closed, data_of, events_of
+from .._model import names
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
+from .._objects.common import config_map, owner_labels
 
 # The word that an operator has to know first stands first.
 WAITING = update_record.WAITING  # no outcome yet: the run comes back to this robot
 WORST_FIRST = (FAILED, ROLLED_BACK, OFFLINE, BUSY, WAITING, UPDATED, UNCHANGED)
-COSTS_BUDGET = (FAILED, ROLLED_BACK)
 # What a run leaves where it cannot go on, and could not go back.
 UNPROVEN = "it runs unproven beside the way back; the next run proves it or takes it back"
+EVENTS_NAME = update_record.NAME
+ID_LENGTH = 12
+
+Event = Mapping[str, Any]
+
+
+def step_id(robot: str, apps: Sequence[str], started: float) -> str:
+    """Names one step of one robot: the same from its begin to its end, whoever works it out."""
+    text = json.dumps([robot, list(apps), f"{float(started):.6f}"])
+    return hashlib.sha256(text.encode()).hexdigest()[:ID_LENGTH]
 
 
 @dataclass(frozen=True)
@@ -122,18 +140,62 @@ def robot_outcome(results: Sequence[StepResult], steps: int) -> RobotOutcome:
     return RobotOutcome(outcome, "; ".join(reasons), tuple(results))
 
 
-def budget_left(budget: Any, robots: int, outcomes: Iterable[str]) -> int:
-    """How many more robots may fail. The budget is a number of robots or a percentage of them, rounded down.
+# --- the record of a robot's updates --------------------------------------------------------------------------------
 
-    Negative: it is used up, and no further wave may begin.
+
+def events_map(
+    results: Sequence[StepResult],
+    robot: str,
+    maps: Iterable[dict[str, Any]] = (),
+    running: StepResult | None = None,
+    went_back: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """The ConfigMap to apply.
+
+    `results` are the steps of this run that have ended, `running` is the one at hand (no outcome, or that it waits for
+    the robot), `maps` are the ConfigMaps of the robot's namespace as they were before the run, `went_back` is app ->
+    how the keeper took it back. What an earlier run left as running has failed: that run is gone, and an alert on it
+    must not stay for ever.
     """
-    text = str(budget).strip()
-    try:
-        allowed = math.floor(robots * float(text[:-1]) / 100) if text.endswith("%") else int(text)
-    except ValueError:
-        raise SpecError(
-            f"update_failure_budget is {budget!r}; allowed: a number of robots, or a percentage as '10%'"
-        ) from None
-    if allowed < 0:
-        raise SpecError(f"update_failure_budget is {budget!r}; allowed: 0 or more")
-    return allowed - sum(word in COSTS_BUDGET for word in outcomes)
+    events = [closed(event, went_back.get(event["app"])) for event in known_events(maps, robot)]
+    # a run tells what is new in it, and only once
+    events = [{key: value for key, value in event.items() if key != NEWS} for event in events]
+    events += [event for result in results for event in _events(result)]
+    events += [{**event, "finished": None} for event in (_events(running) if running else [])]
+    # what comes later in the list is later, whatever a clock that was set back says
+    latest = sorted({str(event["app"]): event for event in events}.items())
+    namespace = names.robot_namespace(robot)
+    return config_map(EVENTS_NAME, namespace, owner_labels(robot), data_of([event for _app, event in latest]))
+
+
+def known_events(maps: Iterable[dict[str, Any]], robot: str) -> list[dict[str, Any]]:
+    """What the robot's ConfigMap says."""
+    wanted = EVENTS_NAME, names.robot_namespace(robot)
+    there = (item for item in maps if (item["metadata"]["name"], item["metadata"].get("namespace")) == wanted)
+    return next((events_of(item) for item in there), [])
+
+
+def _events(result: StepResult) -> list[dict[str, Any]]:
+    """A step's result as one event per app."""
+    # not the time at which this is worked out: the same step gives the same bytes in every later apply
+    finished = round(result.started + sum(result.phases.values()), 3)
+    return [
+        {
+            "id": result.id,
+            "app": app,
+            "step": result.name,
+            "handoff": result.handoff,
+            "outcome": result.outcome or RUNNING,
+            "reason": result.reason[:REASON_KEPT],
+            # empty for what was not there before
+            "from": result.before.get(app, {}).get("revision", ""),
+            "to": result.after.get(app, {}).get("revision", ""),
+            "from_image": result.before.get(app, {}).get("image", ""),
+            "to_image": result.after.get(app, {}).get("image", ""),
+            "started": round(result.started, 3),
+            "finished": finished,
+            "phases": dict(result.phases),
+            "busy_wait": result.phases.get("wait", 0.0),
+        }
+        for app in result.apps
+    ]

@@ -27,8 +27,7 @@ from .._objects.exporter import NAME as EXPORTER_NAME
 from .._objects.master import keeper_objects, ros_core_objects
 from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
-from .intended import intended
-from .nodes import Launched, launched
+from .nodes import Launched, intended, launched
 from .revisions import Key, deployments_of, described, identity, kept, key_of, read_records, working
 from .world import Live, Object
 
@@ -36,7 +35,9 @@ MASTER, KEEPER = names.MASTER_NAME, names.KEEPER_NAME
 PREVIOUS = "previous"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
+APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; others are the master's, and a host's
 
+Desired = Mapping[str, Sequence[Object]]  # app -> its objects, the master and its keeper as apps of these names
 Histories = Mapping[str, Sequence[Object]]  # app -> its earlier versions, the last one first
 
 
@@ -45,7 +46,7 @@ class Step:
     """One change of one robot."""
 
     name: str
-    kind: str  # "app", "master", or as install.py and removal.py have it
+    kind: str
     apps: Sequence[str]
     handoff: str
     objects: Sequence[Object] = ()
@@ -115,39 +116,90 @@ class Request:
     remove: Sequence[str] = ()
 
 
+def rendered(robot: Robot) -> Desired:
+    """What the robot is to run, and its Services."""
+    found: dict[str, list[Object]] = {}
+    if robot.master.mode != "external":
+        found[KEEPER], found[MASTER] = list(keeper_objects(robot)), list(ros_core_objects(robot))
+    for item in app_objects(robot):
+        found.setdefault(item["metadata"]["name"], []).append(item)
+    return found
+
+
+def all_of(desired: Desired) -> list[Object]:
+    return [item for objects in desired.values() for item in objects]
+
+
+def promised(robot: Robot, apps: Collection[str]) -> Object:
+    """Options of ros_ready: what these apps promise of the graph."""
+    return graph_conditions(replace(robot, apps=tuple(app for app in robot.apps if app.name in apps)))
+
+
+def wanted_before(robot: Robot, apps: Iterable[App] = ()) -> list[Object]:
+    """What messages must say before these apps are changed, or anything of the robot; with full names."""
+    said = [(item, context.own_space(robot)) for item in robot.when]
+    said += [(item, context.graph_namespace(app, robot)) for app in apps for item in app.update.when]
+    return [{**item, "topic": resolve(item["topic"], space, "")} for item, space in said]
+
+
+def update_plan(
+    robot: Robot,
+    desired: Desired,
+    live: Live,
+    request: Request = Request(),  # noqa: B008 - it is frozen
+    drifted: Collection[Key] = (),
+) -> Plan:
+    """What has to be done about a robot. `drifted`: Deployments (namespace, name) that are not what they say."""
+    unknown = sorted(set(request.only) - set(desired))
+    if unknown:
+        raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
+    running = {key_of(item): item for item in live.deployments}
+    records = read_records(live.maps)
+    there = _Robot(robot, desired, running, records, drifted, working(live, records))
+    brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
+    asked = [
+        app for app, objects in desired.items()
+        if (not request.only or app in request.only or app == brought)
+        and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
+        and (request.shared if _is_shared(objects) else request.own)
+    ]  # fmt: skip
+    return replace(_back(there, asked, request) if request.to else _forward(there, asked), working=there.working)
+
+
 @dataclass(frozen=True)
 class _Robot:
     """The robot as it is wanted and as it is."""
 
     robot: Robot
-    desired: Mapping[str, Sequence[Object]]
+    desired: Desired
     live: Mapping[Key, Object]
-    records: Mapping[str, Record] = field(default_factory=dict)  # app -> that of its last step
-    drifted: Collection[Key] = ()  # Deployments that somebody changed by hand
-    working: Collection[Key] = ()  # those that were proven once, or work now
+    records: Mapping[str, Record]  # app -> that of its last step
+    drifted: Collection[Key]  # Deployments that somebody changed by hand
+    working: Collection[Key]  # those that were proven once, or work now
 
     def step(self, members: Sequence[str], back: bool = False) -> Step:
         objects = [item for app in members for item in self.desired[app]]
+        workloads = deployments_of(objects)
         apps = {app.name: app for app in self.robot.apps if app.name in members}
         first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
-        changed = any(self.differs(item) for item in deployments_of(objects))
+        changed = any(map(self.differs, workloads))
         unproven = [
             app for app in members for item in deployments_of(self.desired[app])
             if self._unproven(self.live.get(key_of(item))) and not (changed and self._found_at_work(item))
         ]  # fmt: skip
-        previous = self._previous(objects)
+        previous = self._previous(workloads)
         running = {app: node_of(self.live[key_of(first[app])]) for app in apps if key_of(first[app]) in self.live}
         old_nodes = {app: node_of(previous[app]) for app in apps if app in previous} if unproven else running
         return Step(
             name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
-            kind="master" if list(members) == [MASTER] else "app",
+            kind=MASTER_PART if list(members) == [MASTER] else APP,
             apps=list(members),
-            drifted=any(key_of(item) in self.drifted for item in deployments_of(objects)),
+            drifted=any(key_of(item) in self.drifted for item in workloads),
             handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
             objects=objects,
             previous=previous,
-            created=[identity(item) for item in deployments_of(objects) if key_of(item) not in self.live],
-            fresh=not any(key_of(item) in self.working for item in deployments_of(objects)),
+            created=[identity(item) for item in workloads if key_of(item) not in self.live],
+            fresh=not any(key_of(item) in self.working for item in workloads),
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,
@@ -157,14 +209,16 @@ class _Robot:
                 app: found for app, spec in apps.items() if app in previous
                 if (found := launched(previous[app], first[app], spec))
             },
-            actions=self._actions(apps.values(), "own"),
-            idle=self._actions(apps.values(), "idle"),
+            actions=self._full(
+                (app, item["name"]) for app in apps.values() if app.handoff == "drain" for item in app.readiness.actions
+            ),
+            idle=self._full((app, name) for app in apps.values() for name in app.update.idle),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
             when=wanted_before(self.robot, apps.values()),
             windows=self.robot.windows,
             intended=intended(apps.values(), self.robot, old_nodes, back),
             patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),
-            conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
+            conditions={} if back else promised(self.robot, members),
             before={app: described(previous[app]) for app in members if app in previous},
             after={app: described(first[app]) for app in members},
             histories={app: record.history for app, record in self.records.items()},
@@ -175,15 +229,18 @@ class _Robot:
         there = self.live.get(key_of(item))
         return there is None or hash_of(there) != hash_of(item) or key_of(item) in self.drifted
 
-    def open(self, item: Object) -> bool:
-        """Whether it has to be changed, proven, or rid of its mark."""
-        there = self.live.get(key_of(item))
-        return self.differs(item) or self._unproven(there) or mark_of(there) is not None
+    def open(self, objects: Iterable[Object]) -> bool:
+        """Whether one of the Deployments has to be changed, proven, or rid of its mark."""
+        return any(
+            self.differs(item) or self._unproven(there) or mark_of(there) is not None
+            for item in deployments_of(objects)
+            for there in [self.live.get(key_of(item))]
+        )
 
-    def _previous(self, objects: Sequence[Object]) -> dict[str, Object]:
+    def _previous(self, workloads: Sequence[Object]) -> dict[str, Object]:
         """What to go back to, by app: the last proven version. Where nobody knows one it is what runs, if it goes."""
         found: dict[str, Object] = {}
-        for item in deployments_of(objects):
+        for item in workloads:
             app, there = app_of(item), self.live.get(key_of(item))
             if there is None:
                 continue
@@ -208,46 +265,20 @@ class _Robot:
         found = answer(there, self.records)
         return found in UNPROVEN or (found == UNKNOWN and mark_of(there) is not None)
 
-    def _actions(self, apps: Iterable[App], which: str) -> list[str]:
-        """Full names of the actions that the apps serve (`own`), or that have to rest while they change (`idle`)."""
-        found: list[str] = []
-        for app in apps:
-            own = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
-            namespace, node = context.graph_namespace(app, self.robot), context.graph_node(app, self.robot)
-            given = app.update.idle if which == "idle" else own
-            found += [resolve(name, namespace, node) for name in given]
+    def _full(self, actions: Iterable[tuple[App, str]]) -> list[str]:
+        """Full names of actions as apps name them, each once."""
+        robot = self.robot
+        found = [
+            resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot)) for app, name in actions
+        ]
         return list(dict.fromkeys(found))
 
 
-def update_plan(
-    robot: Robot,
-    live: Live,
-    request: Request = Request(),  # noqa: B008 - it is frozen
-    drifted: Collection[Key] = (),
-) -> Plan:
-    """What has to be done about a robot. `drifted`: Deployments (namespace, name) that are not what they say."""
-    desired = _desired(robot)
-    unknown = sorted(set(request.only) - set(desired))
-    if unknown:
-        raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
-    running = {key_of(item): item for item in live.deployments}
-    records = read_records(live.maps)
-    there = _Robot(robot, desired, running, records, drifted, working(live, records))
-    brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
-    asked = [
-        app for app, objects in desired.items()
-        if (not request.only or app in request.only or app == brought)
-        and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
-        and (request.shared if _is_shared(objects) else request.own)
-    ]  # fmt: skip
-    return replace(_back(there, asked, request) if request.to else _forward(there, asked), working=there.working)
-
-
 def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
-    changed = [app for app in asked if any(there.open(item) for item in deployments_of(there.desired[app]))]
-    known = {key_of(item) for objects in there.desired.values() for item in deployments_of(objects)}
+    changed = [app for app in asked if there.open(there.desired[app])]
+    known = {key_of(item) for item in deployments_of(all_of(there.desired))}
     return Plan(
-        [there.step(members) for members in ordered(there.robot.apps, changed)],
+        [there.step(members) for members in _ordered(there.robot.apps, changed)],
         [app for app in asked if app not in changed],
         sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER_NAME),
     )
@@ -263,37 +294,24 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
     for app in asked:
         if app in (MASTER, KEEPER) and app not in request.only:
             continue  # its own history goes back only when it is named: apps outlive their master's version
-        found = _earlier(there, app, request.to)
-        if found is not None:
-            target[app] = [found]
+        history = there.records.get(app, Record()).history
+        key = next(key_of(item) for item in deployments_of(there.desired[app]))
+        running = hash_of(there.live.get(key))  # what runs is no way back
+        others = [entry for entry in history if hash_of(entry["deployment"]) != running]
+        found = [entry["deployment"] for entry in others if request.to in (PREVIOUS, entry["revision"])]
+        if found:
+            target[app] = found[:1]
         elif app in request.only or request.to != PREVIOUS:
-            raise SpecError(_no_history(app, there, request.to))
-    changed = [app for app in target if any(there.open(item) for item in target[app])]
+            wanted = "previous revision" if request.to == PREVIOUS else f"revision {request.to}"
+            there_are = ", ".join(f"{entry['revision']} ({entry.get('image', '?')})" for entry in history)
+            raise SpecError(f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {there_are or 'none'}")
+    changed = [app for app in target if there.open(target[app])]
     back = replace(there, desired={**there.desired, **target})
-    steps = [back.step(members, back=True) for members in ordered(there.robot.apps, changed)]
+    steps = [back.step(members, back=True) for members in _ordered(there.robot.apps, changed)]
     return Plan(steps, [app for app in there.desired if app not in changed])
 
 
-def _earlier(there: _Robot, app: str, to: str) -> Object | None:
-    """The Deployment of the history that is meant; the one that runs is no way back."""
-    key = next(key_of(item) for item in deployments_of(there.desired[app]))
-    running = hash_of(there.live[key]) if key in there.live else ""
-    for entry in there.records.get(app, Record()).history:
-        if hash_of(entry["deployment"]) != running and to in (PREVIOUS, entry["revision"]):
-            found: Object = entry["deployment"]
-            return found
-    return None
-
-
-def _no_history(app: str, there: _Robot, to: str) -> str:
-    kept_ones = [
-        f"{entry['revision']} ({entry.get('image', '?')})" for entry in there.records.get(app, Record()).history
-    ]
-    wanted = "previous revision" if to == PREVIOUS else f"revision {to}"
-    return f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {', '.join(kept_ones) or 'none'}"
-
-
-def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
+def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
     """The changed apps as steps: the master first, apps of one group together, providers before their users.
 
     The master's keeper comes before the master, alone: each has the registrations for the other, so both at once would
@@ -310,28 +328,6 @@ def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
         members = {app.name: set(app.depends_on) for app in apps if unit[app.name] == name and app.name in changed}
         steps += [in_order({app: needed & set(members) for app, needed in members.items()})] if members else []
     return steps
-
-
-def wanted_before(robot: Robot, apps: Iterable[App] = ()) -> list[Object]:
-    """What messages must say before these apps are changed, or anything of the robot; with full names."""
-    said = [(item, context.own_space(robot)) for item in robot.when]
-    said += [(item, context.graph_namespace(app, robot)) for app in apps for item in app.update.when]
-    return [{**item, "topic": resolve(item["topic"], space, "")} for item, space in said]
-
-
-def wanted_deployments(robot: Robot) -> list[Object]:
-    """The Deployments of the master, the keeper and the apps."""
-    return [item for objects in _desired(robot).values() for item in deployments_of(objects)]
-
-
-def _desired(robot: Robot) -> dict[str, list[Object]]:
-    """App -> its objects, the master and its keeper as apps of their Deployments' names."""
-    found: dict[str, list[Object]] = {}
-    if robot.master.mode != "external":
-        found[KEEPER], found[MASTER] = list(keeper_objects(robot)), list(ros_core_objects(robot))
-    for item in deployments_of(app_objects(robot)):
-        found.setdefault(item["metadata"]["name"], []).append(item)
-    return found
 
 
 def _is_shared(objects: Sequence[Object]) -> bool:

@@ -1,17 +1,22 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a Deployment of ours, and the ConfigMap beside it, say of its version. Pure."""
+"""What a Deployment of ours and the record beside it say of its version, and what somebody changed by hand. Pure.
+
+`kubectl set image` and `kubectl scale` leave the annotations with our hashes as they are. The API server adds defaults
+and writes quantities its own way, so what differs is a suspicion; a dry run of the apply says whether it is one. What
+was put beside our fields (`kubectl set env`, a second container, a pause) is seen by who owns it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from ...module_utils._step.objects import annotations_of, app_of, is_ready, name_of, revision_of
-from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, Record, answer, record_of
+from ...module_utils._step.objects import annotations_of, app_of, hash_of, is_in, is_ready, name_of, revision_of
+from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, UNPROVEN, Record, answer, record_of, soaks
 from ...module_utils._step.words import SOAKING, UPDATING, WENT_BACK
-from .._kube.applied import applied_part, foreign_fields
+from .._kube.applied import applied_part, foreign_fields, left_fields
 from .._model import names
 from .world import Live, Object
 
@@ -23,19 +28,12 @@ def read_records(maps: Iterable[Object]) -> dict[str, Record]:
     return {app: record_of(item) for item in maps if (app := app_of(item)) and name_of(item) == names.update_name(app)}
 
 
-def answers(live: Live, records: Mapping[str, Record]) -> dict[Key, str]:
-    """What the versions of all Deployments are."""
-    return {key_of(item): answer(item, records) for item in live.deployments}
-
-
 def working(live: Live, records: Mapping[str, Record]) -> set[Key]:
     """The Deployments that may be at work: all but those that no step has ever proven and that have no Ready pod."""
     ready = {(pod["metadata"]["namespace"], app_of(pod)) for pod in live.pods if is_ready(pod)}
-    return {
-        key
-        for key, found in answers(live, records).items()
-        if found in (PROVEN, GOING_BACK, UNKNOWN) or records[key[1]].history or key in ready
-    }
+    found = {key_of(item): answer(item, records) for item in live.deployments}
+    at_work = PROVEN, GOING_BACK, UNKNOWN
+    return {key for key, said in found.items() if said in at_work or records[key[1]].history or key in ready}
 
 
 def files_owner(item: Object) -> Key:
@@ -55,10 +53,23 @@ def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[
         for volume in item["spec"]["template"]["spec"].get("volumes") or []
         if "configMap" in volume
     }
-    used = {key_of(item) for item in wanted}
+    used = {key_of(item) for item in wanted if "namespace" in item["metadata"]}
     maps = [item for item in live.maps if files_owner(item) in apps and key_of(item) not in used | mounted]
     services = [item for item in live.services if key_of(item) in apps and key_of(item) not in used]
     return [identity(item) for item in [*maps, *services]]
+
+
+def claim_users(live: Live, claims: Collection[Object], leaving: Collection[str] = ()) -> list[str]:
+    """`claim app`, for each of the claims that a Deployment mounts; the apps that are `leaving` do not count."""
+    wanted = {key_of(claim) for claim in claims}
+    return [
+        f"{name} {app_of(item)}"
+        for item in live.deployments
+        if app_of(item) not in leaving
+        for volume in item["spec"]["template"]["spec"].get("volumes") or []
+        if (name := (volume.get("persistentVolumeClaim") or {}).get("claimName"))
+        and (item["metadata"]["namespace"], name) in wanted
+    ]
 
 
 def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
@@ -98,3 +109,38 @@ def identity(item: Object) -> dict[str, Any]:
 
 def key_of(item: Object) -> Key:
     return str(item["metadata"]["namespace"]), str(item["metadata"]["name"])
+
+
+# --- what somebody changed by hand ----------------------------------------------------------------------------------
+
+
+def suspects(wanted: Iterable[Object], live: Live) -> list[Object]:
+    """Of the Deployments that are wanted those that are there by their hash, but not by what they say."""
+    there, records = {key_of(item): item for item in live.deployments}, read_records(live.maps)
+    return [
+        item
+        for item in wanted
+        if (found := there.get(key_of(item))) is not None
+        and hash_of(found) == hash_of(item)
+        and (answer(found, records) not in UNPROVEN or soaks(found, records))  # a step applies the others again anyway
+        and _is_changed(item, found)
+    ]
+
+
+def lost_services(wanted: Iterable[Object], live: Live) -> list[Object]:
+    """Of the Services that are wanted those of running Deployments that are not there, or are not what was applied.
+
+    No pod works by one that is gone: to apply it again disturbs nobody.
+    """
+    running, there = {key_of(item) for item in live.deployments}, {key_of(item): item for item in live.services}
+    return [
+        item
+        for item in wanted
+        if item["kind"] == "Service" and key_of(item) in running
+        if (found := there.get(key_of(item))) is None or _is_changed(item, found)
+    ]
+
+
+def _is_changed(wanted: Object, there: Object) -> bool:
+    beside = foreign_fields(there, wanted, names.MANAGER) or left_fields(there, wanted, names.MANAGER)
+    return bool(beside) or not is_in(wanted["spec"], there["spec"])

@@ -18,9 +18,7 @@ from ...module_utils._step.objects import app_of, crashes
 from ...module_utils._step.record import Record
 from .._images.archive import normal_ref
 from .._model import names
-from .intended import allowed
-from .nodes import Launched, Succession, own_nodes, succession
-from .obstacles import obstacle
+from .nodes import Launched, Succession, allowed, obstacle, own_nodes, succession
 from .plan import Step
 from .revisions import read_records
 from .world import Calm, Live, Object
@@ -28,7 +26,6 @@ from .world import Calm, Live, Object
 AGAIN_AND_AGAIN, SHORT_LIFE = 3, 10.0  # restarts of a container, and seconds
 EVER = "1970-01-01T00:00:00+00:00"
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
-UNASKED = "-e update_on_busy=force changes the robot without asking it"
 NO_GRAPH = Graph()
 
 
@@ -51,69 +48,49 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
     records = read_records(live.maps)
-    kept = {app: records.get(app, Record()).contract for app in step.unproven}
+    proven = _proven(step, records)
     # an app that is down at this moment shows nothing to hold the next version to; what was proven of it does
-    down = {
-        app: record.contract
-        for app in step.apps
-        if app not in kept and (record := _running(step, app, records)) and _missing(record.contract, graph)
+    silent = {
+        app: [node for node in one.contract.all_nodes if not graph.node(node).reachable] for app, one in proven.items()
     }
-    kept |= {app: contract.owed(step.intended) for app, contract in down.items()}
+    down = {app: nodes for app, nodes in silent.items() if nodes}
+    kept = {app: records.get(app, Record()).contract for app in step.unproven}
+    kept |= {app: proven[app].contract.owed(step.intended) for app in down}
     follows = _succession(step, graph, own, kept)
     resting = actions_to_rest(graph, nodes, [*step.actions, *step.idle])
     return Gate(
         _contracts(step, graph, own, kept, follows),
         [*_problems(step, graph, own), *_images_missing(step, images or {})],
-        [*_down(down, graph), *_warnings(graph, nodes), *_nameless(graph, live.pods)],
-        Calm([*resting, *_silent(step, records, live.pods, graph)], step.when, step.windows),
+        [*_warnings(graph, nodes, down), *_nameless(graph, live.pods)],
+        Calm([*resting, *_silent(proven, live.pods, graph)], step.when, step.windows),
         [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
         follows,
     )
 
 
-def _running(step: Step, app: str, records: Mapping[str, Record]) -> Record | None:
-    """What was proven of the version that is to be replaced, or found good by its run."""
-    record, before = records.get(app), step.before.get(app, {})
-    good = record and (record.proven or record.soak) and record.revision == before.get("revision")
-    return record if good else None
+def _proven(step: Step, records: Mapping[str, Record]) -> dict[str, Record]:
+    """App -> what was proven of the version that is to be replaced, or found good by its run."""
+    found = {app: records[app] for app in step.apps if app in records and app not in step.unproven}
+    return {
+        app: record
+        for app, record in found.items()
+        if (record.proven or record.soak) and record.revision == step.before.get(app, {}).get("revision")
+    }
 
 
-def _missing(contract: Contract, graph: Graph) -> list[str]:
-    """Its nodes that do not answer."""
-    return [node for node in contract.all_nodes if not graph.node(node).reachable]
-
-
-def _down(contracts: Mapping[str, Contract], graph: Graph) -> list[str]:
-    """Of apps that are held to what was proven of them before: why, in words."""
-    return [
-        f"{', '.join(_missing(contract, graph))} of {app} does not answer: the next version is held to what was proven "
-        "of this one"
-        for app, contract in contracts.items()
-    ]
-
-
-def _silent(step: Step, records: Mapping[str, Record], pods: Sequence[Object], graph: Graph) -> list[dict[str, str]]:
+def _silent(proven: Mapping[str, Record], pods: Sequence[Object], graph: Graph) -> list[dict[str, str]]:
     """Actions that its apps were proven to serve and nobody serves now: unknown, and unknown waits.
 
     A pod that crashes again and again serves none, and nobody waits for one that is not there.
     """
-    known = {
-        action
-        for app in step.apps
-        if app not in step.unproven and (record := _running(step, app, records)) and _may_come(app, pods)
-        for part in record.contract.parts
-        for action in part.actions
-    }
+    own = {app: [pod for pod in pods if app_of(pod) == app] for app in proven}
+    may_come = [app for app, there in own.items() if there and not any(map(_ends_at_once, there))]
+    known = {action for app in may_come for part in proven[app].contract.parts for action in part.actions}
     served = {
         name for name, action in graph.actions.items() if any(not graph.at(one).refused for one in action.servers)
     }
     return [{"name": name} for name in sorted(known - served)]
-
-
-def _may_come(app: str, pods: Iterable[Object]) -> bool:
-    own = [pod for pod in pods if app_of(pod) == app]
-    return bool(own) and not any(map(_ends_at_once, own))
 
 
 def _ends_at_once(pod: Object) -> bool:
@@ -121,13 +98,9 @@ def _ends_at_once(pod: Object) -> bool:
     found = [one for one in (pod.get("status") or {}).get("containerStatuses") or [] if crashes(pod)]
     lives = [one["lastState"]["terminated"] for one in found if (one.get("lastState") or {}).get("terminated")]
     often = any(int(one.get("restartCount") or 0) >= AGAIN_AND_AGAIN for one in found)
-    return often and any(_seconds(life) < SHORT_LIFE for life in lives)
-
-
-def _seconds(life: Object) -> float:
-    """Of a container, as the kubelet tells it; no time at all where it never ran."""
-    start, end = (datetime.fromisoformat(life.get(key) or EVER) for key in ("startedAt", "finishedAt"))
-    return (end - start).total_seconds()
+    # no time at all where it never ran
+    times = [[datetime.fromisoformat(life.get(key) or EVER) for key in ("startedAt", "finishedAt")] for life in lives]
+    return often and any((end - start).total_seconds() < SHORT_LIFE for start, end in times)
 
 
 def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept: Mapping[str, Contract]) -> Succession:
@@ -226,9 +199,13 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
     return problems
 
 
-def _warnings(graph: Graph, nodes: Collection[str]) -> list[str]:
-    """What the step cannot keep from being noticed: connections that their clients keep open and cannot renew."""
-    return [
+def _warnings(graph: Graph, nodes: Collection[str], down: Mapping[str, Sequence[str]]) -> list[str]:
+    """What is down, and what the step cannot keep from being noticed: connections that clients cannot renew."""
+    found = [
+        f"{', '.join(missing)} of {app} does not answer: the next version is held to what was proven of this one"
+        for app, missing in down.items()
+    ]
+    return found + [
         f"service {name} of {', '.join(names_of(one.providers))} has {one.connections} open connections: calls "
         "under way, or a persistent ServiceProxy, which does not reconnect by itself: its client fails until made anew"
         for name, one in sorted(graph.services.items())
@@ -292,12 +269,6 @@ def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
 
 
-def unanswered(calm: Calm, graph: Graph) -> list[str]:
-    """Topics of which messages are asked for and that nobody publishes."""
-    topics = dict.fromkeys(one["topic"] for one in calm.when)
-    return [topic for topic in topics if not graph.topic(topic).publishers]
-
-
 def at_work(graph: Graph, rest: Iterable[Object]) -> bool:
     """Whether any of these actions was busy, or told nothing, when the graph was recorded."""
     found = [graph.actions.get(one["name"]) for one in rest]
@@ -315,24 +286,21 @@ def with_rates(graph: Graph, rated: Graph) -> Graph:
     return replace(graph, topics=topics)
 
 
-def local_images(step: Step) -> list[str]:
-    """The images of its pods on the robot's own node, whatever version it goes to."""
+def images_of(step: Step, label: str) -> list[str]:
+    """Of its pods that the label places: on the robot's own node, or on any of the edge hosts."""
     pods = [item["spec"]["template"]["spec"] for item in step.workloads]
-    local = [pod for pod in pods if names.LABEL_ROBOT in (pod.get("nodeSelector") or {})]
-    return [one["image"] for pod in local for one in [*(pod.get("initContainers") or []), *pod["containers"]]]
+    placed = [pod for pod in pods if label in (pod.get("nodeSelector") or {})]
+    found = [one["image"] for pod in placed for one in [*(pod.get("initContainers") or []), *pod["containers"]]]
+    return list(dict.fromkeys(found))
 
 
 def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[str]:
     """Images of remote pods that an edge host lacks. A remote pod may be placed on any of them."""
-    problems = []
-    for item in step.workloads:
-        pod = item["spec"]["template"]["spec"]
-        if names.LABEL_PLACEMENT in (pod.get("nodeSelector") or {}):
-            for container in [*(pod.get("initContainers") or []), *pod["containers"]]:
-                lacking = [host for host, images in present.items() if normal_ref(container["image"]) not in images]
-                if lacking:
-                    problems.append(f"the image {container['image']} is not on {', '.join(lacking)}")
-    return list(dict.fromkeys(problems))
+    lacking = {
+        image: [host for host, images in present.items() if normal_ref(image) not in images]
+        for image in images_of(step, names.LABEL_PLACEMENT)
+    }
+    return [f"the image {image} is not on {', '.join(hosts)}" for image, hosts in lacking.items() if hosts]
 
 
 # --- what has to hold afterwards ------------------------------------------------------------------------------------

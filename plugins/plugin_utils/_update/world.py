@@ -1,22 +1,23 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the engine asks and does: the cluster, the robot, the clock. The real and the simulated ones have these methods.
+"""The words in which the engine speaks with its world: with the cluster, the robot's host, the clock.
 
-Every method either does what it says or raises one of our errors; `AwayError` says that the robot cannot be reached.
+The real ones are in `cluster` and `host`; whoever stands in for one has its methods. Each of them either does what it
+says or raises one of our errors; `AwayError` says that the robot cannot be reached.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from ...module_utils._common.errors import FleetError
 from ...module_utils._ros import graph as ros_graph
 from ...module_utils._step import objects
-from .._kube.applied import Applied
 from .._model.windows import ALWAYS, Windows
 
 Object = objects.Object
@@ -56,42 +57,6 @@ class Live:
         return ""
 
 
-class Cluster(Protocol):
-    """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes."""
-
-    def read(self, namespaces: Iterable[str]) -> Live: ...
-
-    def claim(self, namespace: str) -> AbstractContextManager[None]:
-        """Be the only run that changes what is in this namespace; HeldError names who is. It ends with its run."""
-
-    def confirm(self) -> None:
-        """Whether all that was claimed is still this run's; LostError says whose it is."""
-
-    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        """In this order. After an error some of them may be applied; none after a LostError."""
-
-    def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        """What is not there is no error. An object with a uid is deleted if it is that very one."""
-
-    def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.
-
-        With minReadySeconds: until these are Ready.
-        """
-
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
-
-    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
-        """The same, and then so many seconds more; NotReadyError at once if a container ends meanwhile.
-
-        What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
-        """
-
-    def beat(self, node: str) -> str:
-        """When the node's kubelet was last heard of, in its own words; empty where it never was."""
-
-
 @dataclass(frozen=True)
 class Seen:
     """How a wait on the robot ended: `pass`, `fail`, or `wait` where the time was over; and what is still open."""
@@ -119,59 +84,32 @@ class Calm:
         return max((float(one.get("quiet") or one.get("still") or 0.0) for one in self.when), default=0.0)
 
 
-class Host(Protocol):
-    """The robot's own host, where its ROS graph is asked. AwayError where it cannot be reached."""
-
-    def there(self) -> None:
-        """Whether it can be reached."""
-
-    def bring(self, images: Sequence[str]) -> bool:
-        """Have these images on the node; whether anything had to be brought."""
-
-    def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
-        """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
-
-    def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
-        """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
-
-        With none nothing is held, and one look that finds it so is enough.
-        """
-
-    def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
-        """Let the held goals go."""
-
-    def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
-        """Wait until the conditions (options of ros_ready) hold, for `stable` seconds without a break."""
-
-    def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
-        """Register these nodes (all without names) with the master as the graph shows them."""
-
-    def reap(self, master: str, nodes: Sequence[str]) -> None:
-        """Take away what dead nodes of these names left."""
-
-
-class Clock(Protocol):
+class MonotonicClock:
     """Seconds since 1970, and a clock that nobody sets."""
 
-    def wall(self) -> float: ...
+    def wall(self) -> float:
+        return time.time()
 
-    def now(self) -> float: ...
+    def now(self) -> float:
+        return time.monotonic()
 
-    def sleep(self, seconds: float) -> None: ...
-
-
-def unheard(_text: str) -> None:
-    """For a world in which nobody listens."""
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
 
 
-@dataclass(frozen=True)
-class World:
-    """What a run has around it beside the cluster.
+@contextlib.contextmanager
+def ticking(seconds: float, tick: Callable[[], None]) -> Iterator[None]:
+    """Call `tick` every so many seconds, in a thread that ends with the block. It must not raise."""
+    over = threading.Event()
 
-    `say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands.
-    """
+    def go_on() -> None:
+        while not over.wait(seconds):
+            tick()
 
-    host: Host
-    clock: Clock
-    say: Callable[[str], None] = unheard
-    trace: Callable[[str], None] = unheard
+    thread = threading.Thread(target=go_on, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

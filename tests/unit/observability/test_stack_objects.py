@@ -15,11 +15,11 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.configs import yaml_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files, stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, retention_size
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.observability import regenerate_stack as stack
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 

@@ -1,15 +1,21 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between two waves: who waits, and for which versions; the waiting itself is in _update/test_soaking."""
+"""Between two waves: who waits, and for which versions; the waiting itself is in _update/test_engine_soak."""
 
 from __future__ import annotations
 
+import contextlib
+from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import _update_soak
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.action import _robot_update, _update_soak
 from ansible_collections.rosops.fleet.plugins.action._update_soak import is_last_wave, revisions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 NOWHERE = {"kubeconfig": "/nowhere/edge.yaml"}
 WAVES = {"ansible_play_hosts_all": ["r3", "r1", "r2"]}
@@ -37,6 +43,22 @@ def test_what_need_not_be_waited_for_is_handed_on_as_it_is(told: dict[str, Any],
     known = {**WAVES, "inventory_hostname": batch[0], "ansible_play_batch": batch, "update_result": told}
     result = run(_update_soak, NOWHERE, known)
     assert {key: value for key, value in result.items() if key in ("changed", *told)} == {"changed": False, **told}
+
+
+def test_what_a_keeper_took_back_counts_as_what_the_update_came_to(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
+    monkeypatch.setattr(_update_soak.ActionModule, "cluster", lambda *_given: contextlib.nullcontext())
+    monkeypatch.setattr(_update_soak.ActionModule, "run_of", lambda *_given: None)
+    monkeypatch.setattr(_update_soak, "soak", lambda *_given: RobotOutcome("rolled-back", "the keeper went back"))
+    monkeypatch.setattr(_update_soak, "keep_early", lambda *_given, **_more: None)
+    known = {**WAVES, **fleet_of(robot(name="r1")), "inventory_hostname": "r1", "ansible_play_batch": ["r1"]}
+    result = run(_update_soak, NOWHERE, {**known, "update_result": {"outcome": UPDATED}})
+    assert (result["outcome"]["outcome"], result["outcome"]["reason"]) == ("rolled-back", "the keeper went back")
+    later = Ledger(tmp_path, "r2", _robot_update.ActionModule.KIND)
+    assert later.last("r1")["outcome"] == "rolled-back"
+    assert later.refusal("0", 3).startswith("not begun: r1 failed")
 
 
 def test_new_is_what_the_steps_brought() -> None:

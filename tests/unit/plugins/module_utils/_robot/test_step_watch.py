@@ -22,8 +22,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json impor
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult, events_map
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_gate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (

@@ -7,11 +7,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Host, Status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
 NOW = 1_795_536_750.0  # 2026-11-24T16:12:30Z
 

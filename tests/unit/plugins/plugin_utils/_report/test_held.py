@@ -9,12 +9,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import nodes_off
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Claim, WentBack, Workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.a_fleet import (
     HOSTS,
     SOURCES,

@@ -13,8 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run impo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REASON_KEPT, keep, kept_runs, kept_steps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult, events_map
 
 WHEN = "2026-11-22T06:00:00Z"
 RUN = HostRun("robot1", "update.yml", WHEN, RobotOutcome("rolled-back", "an edge is missing"), 2)

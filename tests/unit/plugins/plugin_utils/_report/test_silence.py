@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import HOSTS, LOOK, Silence
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Word
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Word
 
 
 class Run:

@@ -10,8 +10,8 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app

@@ -34,10 +34,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import MAYBE_UNPROVEN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import EVENTS_NAME, RobotOutcome, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import REMOVE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     Calm,
@@ -46,7 +45,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     LostError,
     Object,
     Seen,
-    World,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_keeper import SimulatedKeeper
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (

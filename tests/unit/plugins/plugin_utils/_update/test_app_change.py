@@ -1,38 +1,59 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One step: what it needs and leaves, what it takes up again, whatever was changed or cut off before it."""
+"""New versions under faults: what was proven, changed by hand, beside the old version, and back."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import app_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import early
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     INFRASTRUCTURE,
+    MATRIX,
     OLD,
     SCENARIOS,
     begin,
     outcome_of,
+    run_of,
+    running,
     settings,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    START,
+    STOP,
     VERSIONS,
+    Goal,
     Process,
     image,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    DAY,
+    FAULTS,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed, app
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+    addressed,
+    app,
+    applied,
+    marked,
+    planned,
+)
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
@@ -87,10 +108,8 @@ def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by
     assert (found.outcome, f"{app_name} was changed by hand" in sim.said) == ("updated", True)
     there = sim.deployment(("robot-robot1", app_name))
     assert there is not None
-    assert (
-        there["spec"]
-        == {item["metadata"]["name"]: item for item in wanted_deployments(addressed(wanted))}[app_name]["spec"]
-    )
+    (made,) = app_objects(addressed(wanted))
+    assert there["spec"] == made["spec"]
     assert outcome_of(sim, wanted).outcome == "unchanged"
 
 
@@ -329,3 +348,321 @@ def test_a_subscriber_that_comes_during_a_step_is_owed_its_messages_by_the_next(
     assert [step.name for step in found.steps] == ["sensor", "stats"]
     assert found.steps[1].started - found.steps[0].started > 8.0
     assert ["/mean", "/late"] in [edge[1:] for edge in sim.promised("robot-robot1", "stats")["edges"]]
+
+
+# --- beside the old version -------------------------------------------------------------------------------------------
+
+
+class Watched(Simulation):
+    """How long there was no process of the app."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name, self.away, self.since = name, 0.0, -1.0
+
+    def invariants(self) -> None:
+        super().invariants()
+        there = any(pod.app == self.name and pod.up for pod in self.pods)
+        if not there and self.since < 0:
+            self.since = self.time
+        elif there and self.since >= 0:
+            self.away, self.since = self.away + self.time - self.since, -1.0
+
+
+def watched(name: str, version: str) -> tuple[Watched, Robot]:
+    scenario = SCENARIOS[name]
+    (app_name,) = [one.name for one in scenario.robot(OLD).apps]
+    sim = Watched(app_name)
+    sim.install(scenario.robot(OLD))
+    sim.away = 0.0
+    return sim, scenario.robot(image(version))
+
+
+@pytest.mark.parametrize("name", ["drain", "replace"])
+def test_the_app_is_away_for_less_long_than_a_container_takes_to_start(name: str) -> None:
+    sim, wanted = watched(name, "good")
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", True)
+    assert 0 < sim.away < START
+
+
+@pytest.mark.parametrize("name", ["drain", "replace"])
+def test_without_it_the_app_is_away_for_that_long(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(app_change, "early", lambda *_given: [])
+    sim, wanted = watched(name, "good")
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
+    assert sim.away >= START
+
+
+@pytest.mark.parametrize("name", ["drain", "replace"])
+def test_the_app_is_never_away_for_a_version_that_cannot_be_started(name: str) -> None:
+    sim, wanted = watched(name, "never-starts")
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+    assert sim.away == 0.0
+
+
+def test_goals_of_a_launch_files_held_node_are_held_only_when_its_other_nodes_are_connected() -> None:
+    sim, wanted = watched("launch-held", "good")
+    held: dict[int, list[bool]] = {1: [], 2: []}  # by how many versions were Ready, at each goal
+    whole = sim.send
+
+    def send(goal: Goal) -> None:
+        held[sum(pod.ready for pod in sim.of(("robot-robot1", "arm")))].append("/lift" in sim.holds)
+        whole(goal)
+
+    sim.send = send  # type: ignore[method-assign] # to look at the very moment
+    goals = [sim.goal("/lift", 0.1, after=0.8 * number) for number in range(60)]
+    found = outcome_of(sim, wanted)
+    sim.settle(60.0)
+    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", True)
+    assert all(goal.ended for goal in goals)
+    assert (held[2][0], held[2][-1]) == (False, True)  # at first they are served, then they wait for the old one's end
+    assert len(held[2]) <= 3
+
+
+def test_a_launch_file_without_goals_to_hold_gets_its_pod_at_once() -> None:
+    sim, wanted = watched("launch", "good")
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
+
+
+def works_again(monkeypatch: pytest.MonkeyPatch, goal: Callable[[], object]) -> None:
+    """The robot has got a goal when the new version waits."""
+    whole = SimulatedCluster.begin
+
+    def begin(self: SimulatedCluster, *words: object) -> None:
+        whole(self, *words)  # type: ignore[arg-type] # as they come
+        goal()
+        self.sim.advance(0.1)
+
+    monkeypatch.setattr(SimulatedCluster, "begin", begin)
+
+
+def test_a_robot_that_went_to_work_again_is_waited_for_without_a_pod_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim, wanted = watched("drain", "good")
+    works_again(monkeypatch, lambda: sim.goal("/plan", 30.0))
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert [goal.ended for goal in sim.goals] == [True]
+    assert STOP < sim.away < START + 2 * STOP + 1.0  # as without
+
+
+def test_a_short_goal_that_came_meanwhile_is_no_reason_to_begin_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither for who defers: the robot was at rest a moment ago."""
+    sim, wanted = watched("drain", "good")
+    works_again(monkeypatch, lambda: sim.goal("/plan", 4.0))
+    assert outcome_of(sim, wanted, on_busy="defer").outcome == "updated"
+    assert 0 < sim.away < START
+
+
+@pytest.mark.parametrize("first", [0.0, 29.0])
+def test_a_robot_that_rests_for_moments_only_is_not_asked_for_two_of_them(first: float) -> None:
+    sim, wanted = watched("drain", "good")
+    for number in range(12):
+        sim.goal("/plan", 30.0, after=30.8 * number)
+    sim.advance(first)
+    since: dict[str, float] = {}
+    for look in range(6):
+        found, engine = run_of(sim, wanted, look_timeout=15.0 if look else 0.0, since=since)
+        since = engine.waiting
+        if found.outcome != "waiting":
+            break
+    assert found.outcome == "updated"
+    sim.settle(500.0)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_robot_that_went_to_work_for_long_is_left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim, wanted = watched("drain", "good")
+    works_again(monkeypatch, lambda: sim.goal("/plan", 300.0))
+    found = outcome_of(sim, wanted)
+    assert found.outcome == "deferred-busy"
+    assert "the new version, which had not begun, was taken back" in found.reason
+    assert sim.away == 0.0
+    there = sim.deployment(("robot-robot1", "planner"))
+    assert there is not None
+    assert "updating" not in str(there["metadata"]["annotations"])
+
+
+def test_a_look_ends_with_nothing_beside_the_old_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim, wanted = watched("drain", "good")
+    works_again(monkeypatch, lambda: sim.goal("/plan", 40.0))
+    found, engine = run_of(sim, wanted, look_timeout=4.0)
+    assert (found.outcome, len(sim.of(("robot-robot1", "planner")))) == ("waiting", 1)
+    monkeypatch.undo()
+    sim.advance(50.0)
+    assert run_of(sim, wanted, since=engine.waiting)[0].outcome == "updated"
+
+
+def test_a_new_version_that_took_over_is_not_stopped_in_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The old one has ended by itself; whoever takes the new one back asks first what it does."""
+    sim, wanted = watched("drain", "good")
+    whole = SimulatedCluster.begin
+
+    def begin(self: SimulatedCluster, *words: object) -> None:
+        whole(self, *words)  # type: ignore[arg-type] # as they come
+        (old, _new) = self.sim.of(("robot-robot1", "planner"))
+        self.sim.crash(old, old.restarts)
+        self.sim.advance(3.0)
+        self.sim.goal("/plan", 45.0)  # for longer than a pod's stop hook waits
+        self.sim.advance(1.0)
+        raise NotReadyError("the API told nothing more")
+
+    monkeypatch.setattr(SimulatedCluster, "begin", begin)
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+    assert [goal.ended for goal in sim.goals] == [True]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "starts"),
+    [
+        ({}, {}, True),
+        ({}, {"node_name": "other"}, False),  # it would not find the old one
+        ({"pattern": "pubsub"}, {}, False),  # this, too, has had another name
+        ({}, {"pattern": "pubsub"}, False),  # it waits for nobody
+        ({}, {"readiness": {"nodes": False}}, False),  # nobody knows the names of what it starts
+        ({}, {"host_network": True}, False),
+        ({}, {"hooks": "none"}, False),
+        ({}, {"hooks": "sidecar"}, True),
+    ],
+)
+def test_who_starts_beside_the_old_version(old: dict[str, object], new: dict[str, object], starts: bool) -> None:
+    def of(image: str, more: dict[str, object]) -> Robot:
+        return robot(app("driver", image, placement="local", **{"pattern": None, **more}))
+
+    live = applied(of("x:1", old))
+    (step,) = planned(of("x:2", new), live).steps
+    assert [item["metadata"]["name"] for item in early(step, Calm())] == ["driver"] * starts
+    (resumed,) = planned(of("x:2", new), marked(live, "driver")).steps
+    assert not early(resumed, Calm())
+
+
+@pytest.mark.parametrize(("kept", "starts"), [(True, ["arm"]), (False, [])])
+def test_a_launch_file_waits_beside_only_where_a_keeper_holds_its_goals(kept: bool, starts: list[str]) -> None:
+    """Without one Kubernetes would hand over after ten minutes, should the run have died."""
+
+    def of(image: str) -> Robot:
+        return robot(app("arm", image, launch={"package": "arm", "file": "arm.launch", "replace": ["arm_held"]}))
+
+    (step,) = planned(of("x:2"), applied(of("x:1"))).steps
+    calm = Calm([{"name": "/lift", "server": "/arm_held"}])
+    assert [item["metadata"]["name"] for item in early(step, calm, kept)] == starts
+    assert early(step, Calm()) == []
+
+
+# --- the way back -----------------------------------------------------------------------------------------------------
+
+UNSEEN = ("good", "crashes-once", "hangs")  # what is ready stays for the next run, and a node that hangs is
+
+
+ALONE = [(name, version) for name, version in MATRIX if version not in UNSEEN and name not in INFRASTRUCTURE]
+
+
+# all of it takes minutes: that is for ROSOPS_TEST_ALL
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 13
+
+
+@pytest.mark.parametrize(("name", "version"), ALONE)
+def test_a_refused_version_stays_refused_without_anybody(name: str, version: str) -> None:
+    """The control node dies anywhere and stays dead for hours: the old version serves, and then one run converges."""
+    sim, wanted = begin(name, version)
+    sim.run(wanted, settings())
+    apps = [app.name for app in wanted.apps]
+    # one call of every SHARE, turned by one from version to version
+    for at in range(1 + ALONE.index((name, version)) % SHARE, len(sim.calls) + 1, SHARE):
+        for fault in ("killed", "half-killed"):
+            sim, wanted = begin(name, version)
+            old = {app: running(sim, app) for app in apps}
+            sim.skew = (-DAY, 0.0, DAY)[at % 3]
+            sim.run(wanted, settings(), fault, at)
+            sim.advance(3 * 3600.0)
+            assert {app: running(sim, app) for app in apps} == old, (fault, at)
+            assert outcome_of(sim, wanted).outcome == "rolled-back", (fault, at)
+            assert {app: running(sim, app) for app in apps} == old, (fault, at)
+
+
+@pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
+def test_the_way_back_by_request(name: str) -> None:
+    back, calls, share = Request(to="previous"), range(1, 16), 8 if SHARE == 1 else 15
+    for fault, at in [
+        ("", 1),
+        *((fault, at) for fault in FAULTS for at in calls if (at + FAULTS.index(fault)) % share == 0),
+    ]:
+        sim, wanted = begin(name, "good")
+        assert outcome_of(sim, wanted).outcome == "updated"
+        found = sim.run(wanted, settings(request=back), fault, at)
+        if not fault:
+            assert found is not None
+            assert found.outcome == "updated"
+            assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged"
+        sim.restore()
+        assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome in ("updated", "unchanged"), (fault, at)
+        assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged", (fault, at)
+
+
+def test_a_bad_version_is_not_taken_back_while_it_works() -> None:
+    """A goal that was held went to it. It has more to do than its stop hook would wait for."""
+    sim, wanted = begin("drain", "half-the-rate")
+    sim.goal("/plan", 45.0, after=8.0)  # when it is held
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, found.steps[0].phases["wait"] > 10.0) == ("rolled-back", True)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_bad_version_that_stays_at_work_stays_marked() -> None:
+    sim, wanted = begin("drain", "half-the-rate")
+    goal = sim.goal("/plan", 200.0, after=8.0)
+    found = outcome_of(sim, wanted)
+    assert found.outcome == "deferred-busy"
+    assert "at work, so it was not taken back" in found.reason
+    assert "unproven" in found.reason
+    sim.advance(200.0)
+    assert goal.ended
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+
+
+def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:
+    sim, wanted = begin("drain", "half-the-rate")
+    sim.goal("/plan", 20.0, after=20.0)
+    found = outcome_of(sim, wanted, on_busy="force")
+    assert (found.outcome, found.steps[0].phases.get("wait")) == ("rolled-back", None)
+
+
+@pytest.mark.parametrize("name", ["drain", "replace"])
+def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They come with the old version again; and without it nothing serves."""
+
+    def refuse(*_unused: object) -> None:
+        raise RosError("the ROS master does not answer")
+
+    sim, wanted = begin(name, "never-starts")
+    monkeypatch.setattr(SimulatedHost, "register", refuse)
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+    assert any("the ROS master does not answer" in text for text in sim.said)
+
+
+def bad_at_work(fault: str = "") -> tuple[Simulation, RobotOutcome, Goal]:
+    """A bad version with a goal that its stop hook would not wait for; the fault comes when it is to be looked at."""
+    calls: list[str] = []
+    for strikes in ("", fault):
+        sim, wanted = begin("drain", "half-the-rate")
+        goal = sim.goal("/plan", 60.0, after=8.0)
+        at = len(calls) - calls[::-1].index("graph") if calls else 0
+        found = sim.run(wanted, settings(busy_timeout=120.0), strikes, at)
+        calls = [*sim.calls]
+    assert found is not None
+    return sim, found, goal
+
+
+def test_a_version_of_which_nobody_can_tell_is_not_taken_back_at_once() -> None:
+    _sim, found, goal = bad_at_work("master-silent")
+    assert (found.outcome, goal.ended) == ("rolled-back", True)
+
+
+def test_a_version_of_which_nobody_ever_tells_is_left_to_the_next_run() -> None:
+    sim, found, goal = bad_at_work("master-gone")
+    assert (found.outcome, "nobody can tell whether its new version is at work" in found.reason) == ("failed", True)
+    assert "unproven" in found.reason
+    sim.restore()
+    assert outcome_of(sim, SCENARIOS["drain"].robot(image("half-the-rate"))).outcome == "rolled-back"
+    assert goal.ended

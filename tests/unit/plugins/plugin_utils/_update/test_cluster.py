@@ -1,30 +1,35 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A claim on a robot: what is confirmed of it, by a clock that goes on while the machine sleeps."""
+"""The robot's cluster: whose the robot is, writes within the Lease, and what nodes say."""
 
 from __future__ import annotations
 
 import functools
 import os
 import re
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LEASE_SECONDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Hold
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import (
-    LEASE_SECONDS,
     SURE_SECONDS,
     KubeCluster,
     _Claim,
+    robots_on,
     run_name,
+    server_versions,
+    servers_down,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, unheard
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, ticking
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
 class Lease:
@@ -45,18 +50,18 @@ def claim(lease: Lease, times: list[float]) -> _Claim:
     return _Claim(lease, lambda: times[0])  # type: ignore[arg-type]
 
 
-def test_within_its_time_nobody_else_can_have_it() -> None:
-    lease, times = Lease(), [0.0]
+@pytest.fixture
+def lease() -> Lease:
+    return Lease()
+
+
+def test_within_its_time_nobody_else_can_have_it(lease: Lease) -> None:
+    """It began when the renewal was sent: the answer may have come long after the API server wrote it."""
+    times = [0.0]
     mine = claim(lease, times)
-    lease.found, times[0] = Hold(False, "other", "noon"), SURE_SECONDS - 0.1
+    times[0] = SURE_SECONDS - 0.1
     mine.confirm()
     assert lease.renewed == 0
-
-
-def test_its_time_began_when_the_renewal_was_sent() -> None:
-    """The answer may have come long after the API server wrote it."""
-    lease, times = Lease(), [0.0]
-    mine = claim(lease, times)
     times[0] = SURE_SECONDS
     lease.takes = lambda: times.__setitem__(0, times[0] + 8.0)
     mine.confirm()
@@ -66,9 +71,9 @@ def test_its_time_began_when_the_renewal_was_sent() -> None:
         mine.confirm()
 
 
-def test_after_its_time_the_api_says_whose_it_is() -> None:
-    lease, times = Lease(), [0.0]
-    mine = claim(lease, times)
+def test_after_its_time_the_api_says_whose_it_is(lease: Lease) -> None:
+    times = [0.0]
+    mine, other = claim(lease, times), claim(lease, times)
     times[0] = float(LEASE_SECONDS)
     mine.confirm()  # nobody wanted it
     lease.found, times[0] = None, 2.0 * LEASE_SECONDS
@@ -80,14 +85,9 @@ def test_after_its_time_the_api_says_whose_it_is() -> None:
     lease.found = Hold(True, "us")
     with pytest.raises(LostError):  # what was lost once stays lost
         mine.confirm()
-
-
-def test_one_that_was_taken_and_let_go_is_lost() -> None:
-    lease, times = Lease(), [0.0]
-    mine = claim(lease, times)
-    lease.found, times[0] = Hold(False, ""), 600.0
+    lease.found = Hold(False, "")  # taken, and let go
     with pytest.raises(LostError, match="another one had this robot"):
-        mine.confirm()
+        other.confirm()
 
 
 # --- writes, and whose the robot is then ----------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lap
 
 def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> None:
     kube = Kube({"host": lapsing.url, "api_key": "t"}, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, unheard, "us")
+    ours = cluster.KubeCluster(kube, print, "us")
     with ours.claim("r"):
         lapsing.gone = True
         mine = lapsing.find(LEASE_PATH)
@@ -166,7 +166,7 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
     """As in two containers of one image, and as two workers of one run are."""
     server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
     with Kube({"host": server.url, "api_key": "t"}) as kube:
-        one, other = (KubeCluster(kube, unheard, run_name({})) for _run in range(2))
+        one, other = (KubeCluster(kube, print, run_name({})) for _run in range(2))
         with one.claim("robot-robot1"):
             (mine,) = one._claims
             monkeypatch.setattr(time, "sleep", lambda _seconds: mine._renew())
@@ -203,3 +203,78 @@ def test_the_time_of_a_claim_begins_before_it_is_asked_for(
             (held,) = ours._claims
             ours.confirm()
             assert held._lease.renewed == 1  # type: ignore[attr-defined]
+
+
+# --- a cluster of which one node is to be changed ---------------------------------------------------------------------
+
+NODE = {"apiVersion": "v1", "kind": "Node", "metadata": {"name": "edge1"}}
+
+
+def node(name: str, server: bool, ready: str = "True") -> dict[str, Any]:
+    labels = {"node-role.kubernetes.io/control-plane": "true"} if server else {}
+    conditions = [{"type": "Ready", "status": ready, "message": "kubelet stopped"}]
+    status = {"nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"}, "conditions": conditions}
+    return {"metadata": {"name": name, "labels": labels, "uid": name}, "status": status}
+
+
+@pytest.fixture
+def ours(server: Server) -> Iterator[KubeCluster]:
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        yield KubeCluster(kube, lambda _text: None, "us")
+
+
+def test_when_a_kubelet_was_heard_of(server: Server, ours: KubeCluster) -> None:
+    assert ours.beat("edge1") == ""
+    lease = {"metadata": {"name": "edge1"}, "spec": {"renewTime": "2026-11-22T07:00:00.000000Z"}}
+    server.lists["/apis/coordination.k8s.io/v1/namespaces/kube-node-lease/leases"] = [lease]
+    assert ours.beat("edge1") == "2026-11-22T07:00:00.000000Z"
+
+
+def test_robots_with_pods_on_a_node(server: Server, ours: KubeCluster) -> None:
+    server.lists["/api/v1/pods"] = [{"metadata": {"name": "a", "namespace": "robot-robot2"}}]
+    found = robots_on(ours._kube, "edge1", [robot(name="robot1"), robot(name="robot2")])
+    assert [one.name for one in found] == ["robot2"]
+    assert ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"}) in asked(server)
+
+
+def test_robots_that_need_what_is_the_whole_fleets(server: Server, ours: KubeCluster) -> None:
+    """A shared master and apps of the fleet have their pods beside all robots' namespaces."""
+    fleet = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
+    robots = [
+        robot(name="robot1"),
+        robot(name="robot2", master={"mode": "shared"}),
+        robot(fleet, name="robot3"),
+        robot(fleet, name="robot4", mode="standalone"),
+    ]
+    server.lists["/api/v1/pods"] = [{"metadata": {"name": "ros-master-1", "namespace": "fleet"}}]
+    assert [one.name for one in robots_on(ours._kube, "edge1", robots)] == ["robot2", "robot3"]
+
+
+def asked(server: Server) -> list[tuple[str, dict[str, str]]]:
+    found = []
+    while not server.requests.empty():
+        path, query, _headers = server.requests.get()
+        found.append((path, query))
+    return found
+
+
+def test_a_node_is_waited_for_until_it_is_ready(server: Server, ours: KubeCluster) -> None:
+    server.lists["/api/v1/nodes"] = [node("edge1", True)]
+    ours.wait([NODE], 5.0)
+    server.lists["/api/v1/nodes"] = [node("edge1", True, "Unknown")]
+    with pytest.raises(NotReadyError, match="edge1"):
+        ours.wait([NODE], 0.2)
+
+
+def test_servers_and_who_of_them_is_away() -> None:
+    nodes = [node("edge1", True, "False"), node("edge2", True), node("robot1", False, "False")]
+    assert server_versions(nodes) == {"edge1": "v1.34.2+k3s1", "edge2": "v1.34.2+k3s1"}
+    assert servers_down(nodes, "edge2") == ["edge1"]
+    assert servers_down(nodes, "edge1") == []
+
+
+def test_it_ticks_until_the_block_ends() -> None:
+    ticked, threads = threading.Event(), threading.active_count()
+    with ticking(0.001, ticked.set):
+        assert ticked.wait(10.0)
+    assert threading.active_count() == threads

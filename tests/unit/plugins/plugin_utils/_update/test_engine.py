@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every way to hand over, with every kind of version, and every fault at every call of a run.
+"""The engine in a simulated world: each phase times each fault, pairs of faults, sequences, schedules.
 
 The simulated world holds its invariants at every moment, and each outcome's word against what is there. After the fault
 the next run has to bring the robot to where a run without one would have brought it.
@@ -10,15 +10,21 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Sequence
+import random
+from bisect import bisect
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request, rendered
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update import simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     MATRIX,
@@ -29,10 +35,17 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    FOREVER,
+    image,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import BEAT, FAULTS, Simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from hypothesis import HealthCheck
+from hypothesis import settings as bounds
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 # all of it takes minutes: that is for ROSOPS_TEST_ALL
 SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 67
@@ -122,6 +135,17 @@ def test_check_mode_writes_nothing_and_tells_what_a_run_would_do(name: str, vers
     assert sim.engine_changes
     assert outcome_of(sim, SCENARIOS[name].robot(OLD), check=True).outcome == "unchanged"
     assert not sim.engine_changes
+
+
+def test_a_robots_objects_are_made_once_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once more where its master's Services are new: its pods are told their addresses."""
+    made: list[Robot] = []
+    monkeypatch.setattr(engine, "rendered", lambda one: made.append(one) or rendered(one))
+    sim, wanted = begin("two-steps", "good")
+    for of, expected in ((wanted, "updated"), (wanted, "unchanged")):
+        assert (outcome_of(sim, of).outcome, len(made)) == (expected, 1)
+        made.clear()
+    assert (outcome_of(Simulation(), wanted).outcome, len(made)) == ("updated", 2)
 
 
 def test_what_the_inventory_does_not_know_is_told_and_left() -> None:
@@ -280,3 +304,180 @@ def test_steps_that_had_ended_before_it_waited_are_told_with_the_rest() -> None:
     first = outcome_of(sim, wanted, request=Request(only=["sensor"]))
     both = outcome_of(sim, wanted, earlier=[StepResult.from_dict(step.as_dict()) for step in first.steps])
     assert (both.outcome, [step.name for step in both.steps]) == ("updated", ["sensor", "stats"])
+
+
+# --- whoever works on it, and whatever happens to it ------------------------------------------------------------------
+
+EXAMPLES = 2000 if os.environ.get("ROSOPS_TEST_ALL") else 60
+calls = st.integers(1, 20)
+faults = st.sampled_from(("", *FAULTS))
+
+
+class Operators(RuleBasedStateMachine):
+    """One robot, whoever works on it, and whatever happens to it."""
+
+    @initialize(name=st.sampled_from(sorted(SCENARIOS)))
+    def install(self, name: str) -> None:
+        self.sim, self.scenario, self.number = Simulation(), SCENARIOS[name], 0
+        self.version, self.image = "good", OLD
+        self.sim.install(self.robot)
+
+    @property
+    def robot(self) -> Any:
+        return self.scenario.robot(self.image)
+
+    @rule(data=st.data())
+    def want(self, data: st.DataObject) -> None:
+        self.version = data.draw(st.sampled_from(self.scenario.versions), "version")
+        self.number += 1
+        self.image = image(self.version, self.number)
+
+    @rule()
+    def want_the_first_again(self) -> None:
+        self.version, self.image = "good", OLD
+
+    @rule(fault=faults, at=calls, then=st.tuples(calls, faults))
+    def run_it(self, fault: str, at: int, then: tuple[int, str]) -> None:
+        self.sim.run(self.robot, settings(), fault, at, then)
+
+    @rule(fault=faults, at=calls)
+    def run_it_back(self, fault: str, at: int) -> None:
+        self.sim.run(self.robot, settings(request=Request(to="previous")), fault, at)
+
+    @rule()
+    def only_look(self) -> None:
+        self.sim.run(self.robot, settings(check=True))
+
+    @rule(seconds=st.sampled_from((1.0, 10.0, 70.0, 300.0)))
+    def time_passes(self, seconds: float) -> None:
+        self.sim.advance(seconds)
+
+    @precondition(lambda self: "planner" in {app.name for app in self.robot.apps})
+    @rule(seconds=st.sampled_from((1.0, 8.0, 20.0)), after=st.sampled_from((0.0, 5.0)))
+    def a_goal_comes(self, seconds: float, after: float) -> None:
+        self.sim.goal("/plan", seconds, after)
+
+    @rule()
+    def the_robot_leaves(self) -> None:
+        self.sim.robot_until = FOREVER
+
+    @rule()
+    def the_api_goes(self) -> None:
+        self.sim.api_until = FOREVER
+
+    @rule()
+    def all_is_well(self) -> None:
+        self.sim.restore()
+
+    def teardown(self) -> None:
+        if not hasattr(self, "sim"):
+            return
+        self.sim.restore()
+        self.sim.advance(60.0)  # what was sent is done
+        words = [outcome.outcome for _time in range(3) if (outcome := self.sim.run(self.robot, settings()))]
+        expected = {"good": ["unchanged"], "crashes-once": ["unchanged", "rolled-back"]}
+        assert words[-1] in expected.get(self.version, ["rolled-back"]), words
+
+
+TestOperators = Operators.TestCase
+TestOperators.settings = bounds(
+    max_examples=EXAMPLES,
+    stateful_step_count=12,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    print_blob=False,
+    suppress_health_check=list(HealthCheck),
+)
+
+
+# --- robots that change what they say ---------------------------------------------------------------------------------
+
+SCHEDULES = 100 if os.environ.get("ROSOPS_TEST_ALL") else 30
+STILL = 2.0
+# Between the look that found all well and the change: calls to the keeper and the cluster. Who drives off then is at
+# work beside the change, as with a goal that comes in the same moment.
+BETWEEN = 3.0
+
+
+@dataclass(frozen=True)
+class Day:
+    """What is so from which second on."""
+
+    times: list[float]
+    values: list[Any]
+
+    def at(self, time: float) -> Any:
+        return self.values[bisect(self.times, time) - 1]
+
+    def among(self, since: float, until: float) -> list[Any]:
+        return self.values[bisect(self.times, since) - 1 : bisect(self.times, until)]
+
+
+def day(chance: random.Random, value: Callable[[], Any], begin: float) -> Day:
+    """Something else every 1 to 30 seconds, for half an hour, and then no more."""
+    times, values = [0.0], [value()]
+    while times[-1] < begin + 1800.0:
+        times.append(max(times[-1], begin) + chance.uniform(1.0, 30.0))
+        values.append(value())
+    return Day(times, values)
+
+
+class Busy:
+    """Its schedule, as messages and as the truth."""
+
+    def __init__(self, chance: random.Random, sim: Simulation) -> None:
+        self.battery = day(chance, lambda: chance.choice((0.15, 0.39, 0.41, 0.9)), sim.time)
+        self.speed = day(chance, lambda: chance.choice((0.0, 0.0, 0.7, -0.2)), sim.time)
+        self.docked = day(chance, lambda: chance.random() < 0.5, sim.time)
+        sim.messages = {
+            "/battery": lambda time: {"percentage": self.battery.at(time)},
+            "/odom": lambda time: {"twist": {"linear": {"x": self.speed.at(time)}}},
+            "/docked": lambda time: {"data": self.docked.at(time)},
+        }
+
+    def permits(self, when: Object, time: float) -> bool:
+        """Some time in the moment before it."""
+        moments = [time - BETWEEN + BEAT * number for number in range(round(BETWEEN / BEAT) + 1)]
+        return any(all(TRUTH[one["topic"]](self, moment) for one in when) for moment in moments)
+
+
+TRUTH: dict[str, Callable[[Busy, float], bool]] = {
+    "/battery": lambda robot, time: robot.battery.at(time) > 0.4,
+    "/odom": lambda robot, time: not any(robot.speed.among(time - STILL + BEAT, time)),
+    "/docked": lambda robot, time: bool(robot.docked.at(time)),
+}
+ASKED = (
+    {"topic": "/battery", "field": "percentage", "above": 0.4},
+    {"topic": "/odom", "field": "twist.linear", "still": STILL},
+    {"topic": "/docked", "field": "data", "equals": True},
+)
+
+
+def run_on_schedule(number: int, counted: Counter[str]) -> None:
+    chance = random.Random(number)  # noqa: S311 - a schedule
+    sim, wanted = begin(chance.choice(("overlap", "drain", "replace", "group", "two-steps")), "good")
+    when = chance.sample(ASKED, chance.randint(1, 3))
+    robot, wanted = Busy(chance, sim), replace(wanted, when=when)
+    sim.advance(chance.uniform(0.0, 60.0))
+    policy = chance.choice(("wait", "wait", "defer"))
+    look, since, outcome = chance.choice((None, 0.0, 8.0)), dict[str, float](), "waiting"
+    while outcome == "waiting":
+        found = sim.run(wanted, settings(on_busy=policy, busy_timeout=300.0, look_timeout=look, since=since))
+        assert found is not None
+        counted[outcome := found.outcome] += 1
+        since, look = sim.engine.waiting, 8.0
+        sim.advance(chance.uniform(0.0, 20.0))  # other robots have their turn
+    assert outcome == "deferred-busy" or (outcome == "updated" and sim.steps), found
+    counted["steps"] += len(sim.steps)
+    against = [time for time in sim.steps if not robot.permits(when, time)]
+    assert not against, f"schedule {number}: begun after {against} s against {when}"
+
+
+def test_no_step_begins_against_what_messages_say() -> None:
+    counted = Counter[str]()
+    for number in range(SCHEDULES):
+        run_on_schedule(number, counted)
+    # else it shows nothing
+    assert min(counted["updated"], counted["deferred-busy"], counted["waiting"]) >= SCHEDULES / 10, counted
+    assert counted["steps"] >= SCHEDULES / 2, counted

@@ -1,49 +1,57 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What earlier waves came to decides whether the next one begins."""
+"""What the tasks of one run tell each other: outcomes for the budget, and where they stand."""
 
 from __future__ import annotations
 
 import multiprocessing
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import (
+    STANDING,
+    Ledger,
+    Standing,
+    Word,
+    budget_left,
+)
 
 
-def test_nothing_has_failed_yet(tmp_path: Path) -> None:
-    assert Ledger(tmp_path, "robot1").refusal("0", 3) == ""
-
-
-def test_a_failure_of_an_earlier_wave_ends_the_run(tmp_path: Path) -> None:
-    Ledger(tmp_path, "robot1").note("robot1", "rolled-back")
-    assert Ledger(tmp_path, "robot2").refusal("0", 3) == (
-        "not begun: robot1 failed, which is more than update_failure_budget allows"
-    )
-    assert Ledger(tmp_path, "robot2").refusal("1", 3) == ""
-
-
-def test_robots_of_one_wave_do_not_count_against_each_other(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path, "robot1")
-    ledger.note("robot1", "failed")
-    assert ledger.refusal("0", 3) == ""
-
-
-def test_only_what_costs_the_budget_counts(tmp_path: Path) -> None:
-    earlier = Ledger(tmp_path, "robot1")
+def test_what_failed_in_an_earlier_wave_ends_the_run(tmp_path: Path) -> None:
+    """Robots of one wave do not count against each other, and only what costs the budget counts."""
+    earlier, later = Ledger(tmp_path, "robot1"), Ledger(tmp_path, "robot2")
+    assert later.refusal("0", 6) == ""
     for robot, outcome in (("a", "updated"), ("b", "deferred-offline"), ("c", "deferred-busy"), ("d", "unchanged")):
         earlier.note(robot, outcome)
-    later = Ledger(tmp_path, "robot2")
     assert later.refusal("0", 6) == ""
     earlier.note("e", "failed")
+    assert later.refusal("0", 6) == "not begun: e failed, which is more than update_failure_budget allows"
+    assert (later.refusal("1", 6), earlier.refusal("0", 6)) == ("", "")
     earlier.note("f", "rolled-back")
     assert later.refusal("20%", 6).startswith("not begun: e, f failed")
 
 
-def test_a_budget_that_is_none_is_an_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("budget", "robots", "outcomes", "left"),
+    [
+        (0, 10, [], 0),
+        (0, 10, ["failed"], -1),
+        ("1", 10, ["rolled-back", "updated"], 0),
+        ("10%", 19, ["failed"], 0),
+        ("50%", 2, ["failed", "rolled-back"], -1),
+        (0, 3, ["deferred-offline", "deferred-busy", "unchanged", "updated"], 0),
+    ],
+)
+def test_budget(budget: Any, robots: int, outcomes: list[str], left: int) -> None:
+    assert budget_left(budget, robots, outcomes) == left
+
+
+@pytest.mark.parametrize("budget", ["some", "-1", None, "ten%"])
+def test_a_budget_that_is_none_is_an_error(budget: Any) -> None:
     with pytest.raises(SpecError, match="update_failure_budget"):
-        Ledger(tmp_path, "robot1").refusal("some", 3)
+        budget_left(budget, 3, [])
 
 
 def _note_many(directory: Path, robot: str) -> None:
@@ -59,3 +67,18 @@ def test_workers_write_at_the_same_time(tmp_path: Path) -> None:
         worker.join()
     assert Ledger(tmp_path, "robot9").refusal("199", 999) != ""
     assert Ledger(tmp_path, "robot9").refusal("200", 999) == ""
+
+
+# --- where the tasks stand --------------------------------------------------------------------------------------------
+
+
+def test_words_are_read_since_a_moment_and_whole(tmp_path: Path) -> None:
+    times = iter([1.0, 2.0, 3.0])
+    standing = Standing(tmp_path, lambda: next(times))
+    assert standing.words(0.0) == []
+    standing.note("robot1", "record")
+    standing.note("robot2")
+    standing.note("robot1", "gate")
+    with (tmp_path / STANDING).open("a") as file:
+        file.write('[4.0, "rob')
+    assert standing.words(2.0) == [Word(2.0, "robot2"), Word(3.0, "robot1", "gate")]

@@ -1,18 +1,24 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the nodes of a launch file are called in the next version."""
+"""Apps on the graph: their nodes and the next version's, what that may change, and what two of a node would undo."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import (
     Launched,
     Succession,
+    allowed,
+    intended,
     launched,
+    obstacle,
+    on_demand,
     succession,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
@@ -83,3 +89,130 @@ def test_the_words_of_the_deployment_say_it() -> None:
 def test_successions_of_several_apps_are_one() -> None:
     both = Succession({"/a": "/b"}) | Succession({"/c": "/d"}, {"/c/x": "/d/x"})
     assert both.renames == {"/a": "/b", "/c": "/d", "/c/x": "/d/x"}
+
+
+# --- what the next version is meant to change -------------------------------------------------------------------------
+
+OLD = "/camera_0a1b2c3d"
+
+
+def camera(**changes: Any) -> dict[str, Any]:
+    return {"name": "camera", "image": "example.org/a:1", "args": ["x"], "pattern": "pubsub", **changes}
+
+
+def found(*apps: dict[str, Any], back: bool = False, master: Any = None) -> Any:
+    made = robot(*apps, name="r1", master=master)
+    return intended(made.apps, made, {"camera": OLD}, back)
+
+
+def test_names_are_those_of_the_graph() -> None:
+    update = {"ignore": ["debug/*", "~own", "~kept", "/x"], "renamed": {"~a": "b"}, "rates": {"scan": 10}}
+    said = found(camera(update=update, private_names=["kept"]))
+    assert said.ignore == ("/debug/*", f"{OLD}/own", "/camera/kept", "/x")
+    assert (said.renamed, said.rates, said.on_demand) == ({f"{OLD}/a": "/b"}, {"/scan": 10.0}, ())
+    shared = found(camera(update=update), master={"mode": "shared"})
+    assert (shared.ignore[0], shared.rates) == ("/r1/debug/*", {"/r1/scan": 10.0})
+
+
+def test_a_step_is_one_change_and_a_way_back_renames_the_other_way_round() -> None:
+    apps = [
+        camera(update={"renamed": {"/a": "/b"}}),
+        camera(name="other", update={"ignore": ["~x"], "renamed": {"/c": "/d"}}),
+    ]
+    assert found(*apps).renamed == {"/a": "/b", "/c": "/d"}
+    assert found(*apps).ignore == ("/other/x",)  # of an app that is new
+    assert found(*apps, back=True).renamed == {"/b": "/a", "/d": "/c"}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["rosrun", "rosbridge_server", "rosbridge_websocket"], True),
+        (["sh", "-c", 'exec rosrun web_video_server web_video_server "$@"'], True),
+        (["/opt/ros/noetic/lib/foxglove_bridge/foxglove_bridge"], True),
+        (["rosrun", "my_rosbridge_server_test", "node"], False),
+        (["rosbag", "record", "-a"], False),
+    ],
+)
+def test_programs_that_do_what_their_clients_ask(words: list[str], expected: bool) -> None:
+    one = camera(command=words[:1], args=words[1:])
+    assert on_demand(robot(one).apps[0]) is expected
+    assert found(one).on_demand == ((OLD,) if expected else ())
+
+
+def seen() -> Graph:
+    def topic(**more: Any) -> dict[str, Any]:
+        return {"publishers": [OLD], "subscribers": ["/peer"], **more}
+
+    found = {
+        "topics": {
+            "/scan": topic(rates={OLD: 40.0}), "/debug/a": topic(), "/map": topic(latched=[OLD]),
+            "/debug/foreign": {"publishers": ["/peer"], "subscribers": []},
+            "/gain/parameter_updates": topic(latched=[OLD]),
+        },
+        "services": {"/debug/reset": {"provider": OLD, "providers": [OLD]}},
+        "actions": {"/dock": {"servers": [OLD]}},
+    }  # fmt: skip
+    return graph_from(found)
+
+
+def test_what_a_step_would_allow_is_told_of_what_there_is() -> None:
+    update = {
+        "ignore": ["/debug/*", "/dock", "/gone"], "renamed": {"/scan": "/front/scan", "/old": "/new"},
+        "rates": {"/front/scan": 10, "/map": 0},
+    }  # fmt: skip
+    assert allowed(seen(), [OLD], found(camera(update=update))) == [
+        "/debug/a may be missing or of another type",
+        "/debug/reset may be missing or of another type",
+        "/dock may be missing or of another type",
+        "/scan has to be /front/scan then",
+        "/map may carry any rate",
+        "/scan may carry 10 Hz or more (now 40 Hz)",
+        f"what {OLD} latched on /map is given to later subscribers by the keeper until the next version says something",
+    ]
+    for unkept in (found(camera(hooks="none")), found(camera(), master={"mode": "external", "uri": "http://m:1"})):
+        assert allowed(seen(), [OLD], unkept) == [f"what {OLD} latched on /map goes with it"]
+    assert allowed(seen(), ["/other"], found(camera(update=update))) == []
+    bridge = found(camera(args=["rosbridge_websocket"]))
+    assert allowed(seen(), [OLD], bridge)[0] == (f"{OLD} may have other topics and services: its clients ask for them")
+
+
+# --- what two of a node would undo ------------------------------------------------------------------------------------
+
+NODE = "/base_11111111"
+
+
+def graph(topic: str = "/scan", type_: str = "sensor_msgs/LaserScan", **more: Any) -> Graph:
+    return graph_from({"actions": more.pop("actions", {}), "topics": {topic: {"type": type_, **more}}})
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (graph(publishers=[NODE]), ""),
+        (graph(subscribers=[NODE]), ""),
+        (graph("/cmd_vel", "geometry_msgs/Twist", publishers=[NODE]), "publishes /cmd_vel (geometry_msgs/Twist)"),
+        (graph("/cmd_vel", "geometry_msgs/Twist", subscribers=[NODE]), "obeys /cmd_vel"),
+        (graph("/cmd_vel", "geometry_msgs/Twist", subscribers=["/other"]), ""),
+        (graph("/pose", "geometry_msgs/PoseStamped", publishers=[NODE]), ""),
+        (graph("/drive", "ackermann_msgs/AckermannDrive", publishers=[NODE]), "publishes /drive"),
+        (graph("/arm/command", "trajectory_msgs/JointTrajectory", subscribers=[NODE]), "obeys /arm/command"),
+        (graph("/gripper", "control_msgs/GripperCommand", publishers=[NODE]), "publishes /gripper"),
+        (graph("/mavros/rc", "mavros_msgs/RCIn", publishers=[NODE]), "publishes /mavros/rc"),
+        (graph("/tf", "tf2_msgs/TFMessage", publishers=[NODE]), "publishes /tf, where two of it would contradict"),
+        (graph("/robot1/tf", "tf2_msgs/TFMessage", publishers=[NODE]), "publishes /robot1/tf"),
+        (graph("/tf_static", "tf2_msgs/TFMessage", publishers=[NODE]), ""),
+        (graph("/tf", "tf2_msgs/TFMessage", subscribers=[NODE]), ""),
+        (graph(actions={"/dock": {"servers": [NODE]}}), "serves the action /dock"),
+        (graph(actions={"/dock": {"servers": ["/other"]}}), ""),
+    ],
+)
+def test_what_forbids_two_of_a_node(found: Graph, words: str) -> None:
+    said = obstacle(found, NODE)
+    assert said.startswith(words)
+    assert bool(said) == bool(words)
+
+
+@pytest.mark.parametrize("node", ["/robot_state_publisher_1a", "/static_transform_publisher"])
+def test_two_that_say_the_same_do_no_harm(node: str) -> None:
+    assert obstacle(graph("/tf", "tf2_msgs/TFMessage", publishers=[node]), node) == ""

@@ -12,13 +12,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described, kept, read_records
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
     entry,
     marked,
+    planned,
     update_map,
 )
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -32,14 +33,20 @@ def step_names(plan: Plan) -> list[list[str]]:
 
 def test_what_is_as_it_should_be_is_no_step() -> None:
     wanted = robot(app("one"), app("two"))
-    plan = update_plan(wanted, applied(wanted))
+    plan = planned(wanted, applied(wanted))
     assert plan.steps == []
     assert sorted(plan.unchanged) == ["one", "ros-keeper", "ros-master", "two"]
 
 
 def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
-    before, after = robot(app("one"), app("two")), robot(app("one", "example.org/app:1.1"), app("two"))
-    (step,) = update_plan(after, applied(before)).steps
+    before = robot(app("one", env={"A": "1"}), app("two"))
+    after = robot(app("one", "example.org/app:1.1"), app("two"), app("new", "example.org/app:1.1"))
+    step, new = planned(after, applied(before)).steps
+    (named,) = planned(after, applied(before), Request(only=["new"])).steps
+    assert (named.apps, new.apps, new.previous, new.renames) == (["new"], ["new"], {}, {})
+    assert [item["metadata"]["name"] for item in new.created] == ["new"]
+    # without the API server's additions
+    assert step.previous["one"] == app_objects(before)[0]
     assert step.apps == ["one"]
     assert step.handoff == "overlap"
     assert step.old_nodes["one"] != step.new_nodes["one"]
@@ -48,21 +55,6 @@ def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
     assert step.after["one"]["image"] == "example.org/app:1.1"
     assert step.created == []
     assert not step.resume
-
-
-def test_the_way_back_is_what_was_applied_without_the_servers_additions() -> None:
-    before = robot(app("one", env={"A": "1"}))
-    (step,) = update_plan(robot(app("one", env={"A": "2"})), applied(before)).steps
-    (was,) = [item for item in app_objects(before) if item["kind"] == "Deployment"]
-    assert step.previous["one"] == was
-
-
-def test_an_app_that_is_not_there_yet_is_deleted_on_the_way_back() -> None:
-    (step,) = update_plan(robot(app("one"), app("two")), applied(robot(app("one")))).steps
-    assert step.apps == ["two"]
-    assert step.previous == {}
-    assert [item["metadata"]["name"] for item in step.created] == ["two"]
-    assert step.renames == {}
 
 
 def test_providers_come_before_their_users_and_the_master_before_all() -> None:
@@ -74,7 +66,7 @@ def test_providers_come_before_their_users_and_the_master_before_all() -> None:
             master={"image": image},
         )
 
-    plan = update_plan(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
+    plan = planned(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
     assert step_names(plan) == [["ros-keeper"], ["ros-master"], ["sensor"], ["map"], ["user"]]
 
 
@@ -84,16 +76,16 @@ def test_what_the_keeper_took_back_is_planned_anew() -> None:
     live = applied(before)
     (there,) = [item for item in live.deployments if item["metadata"]["name"] == "one"]
     there["metadata"]["annotations"][names.ANNOTATION_WENT_BACK] = "{}"
-    (step,) = update_plan(after, live).steps
+    (step,) = planned(after, live).steps
     assert (step.apps, step.resume, step.unproven) == (["one"], False, [])
     assert names.ANNOTATION_WENT_BACK not in step.previous["one"]["metadata"]["annotations"]
-    assert step.previous == update_plan(after, applied(before)).steps[0].previous
+    assert step.previous == planned(after, applied(before)).steps[0].previous
 
 
 def test_master_and_keeper_are_never_replaced_together() -> None:
     """Each is the other's record: the keeper is proven before the master goes, and the master's failure leaves it."""
     before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
-    keeper, master = update_plan(after, applied(before)).steps
+    keeper, master = planned(after, applied(before)).steps
     for step, name, kind in ((keeper, "ros-keeper", "app"), (master, "ros-master", "master")):
         assert {item["metadata"]["name"] for item in step.objects} == set(step.previous) == set(step.before) == {name}
         assert (step.name, step.kind, step.handoff, step.actions, step.created) == (name, kind, "replace", [], [])
@@ -107,8 +99,8 @@ def test_neither_goes_back_unless_it_is_named() -> None:
         if name.startswith("ros-")
     ]
     live = applied(after, *histories)
-    assert step_names(update_plan(after, live, PREVIOUS)) == []
-    assert step_names(update_plan(after, live, Request(to="previous", only=["ros-master"]))) == [["ros-master"]]
+    assert step_names(planned(after, live, PREVIOUS)) == []
+    assert step_names(planned(after, live, Request(to="previous", only=["ros-master"]))) == [["ros-master"]]
 
 
 def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> None:
@@ -119,30 +111,22 @@ def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> 
             app("sensor", image, update={"group": "temperature"}),
         )
 
-    plan = update_plan(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
+    plan = planned(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
     assert step_names(plan) == [["sensor", "stats"], ["other"]]
     assert plan.steps[0].name == "temperature"
     assert len(plan.steps[0].renames) == 2
 
 
-def test_only_the_changed_apps_of_a_group_take_part() -> None:
-    def fleet(image: str) -> Robot:
-        return robot(app("a", image, update={"group": "g"}), app("b", update={"group": "g"}))
-
-    plan = update_plan(fleet("example.org/app:2"), applied(fleet("example.org/app:1.0")))
-    assert step_names(plan) == [["a"]]
-    assert plan.unchanged == ["ros-keeper", "ros-master", "b"]
-
-
-def test_an_unknown_app_is_an_error_that_names_those_there_are() -> None:
-    wanted = robot(app("one"))
-    with pytest.raises(SpecError, match="no app nine; it has ros-keeper, ros-master, one"):
-        update_plan(wanted, applied(wanted), Request(only=["nine"]))
-
-
-def test_only_limits_the_plan() -> None:
-    before, after = robot(app("a"), app("b")), robot(app("a", "x.org/a:2"), app("b", "x.org/a:2"))
-    assert step_names(update_plan(after, applied(before), Request(only=["b"]))) == [["b"]]
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        (robot(app("one")), "no app a, b; it has ros-keeper, ros-master, one"),
+        (robot(master={"mode": "external", "uri": "http://m:11311"}), "no app a, b; it has none"),
+    ],
+)
+def test_an_unknown_app_is_an_error_that_names_those_there_are(wanted: Robot, words: str) -> None:
+    with pytest.raises(SpecError, match=words):
+        planned(wanted, applied(robot()), Request(["b", "a"]))
 
 
 def test_what_belongs_to_the_fleet_is_left_to_the_robot_whose_it_is() -> None:
@@ -152,12 +136,12 @@ def test_what_belongs_to_the_fleet_is_left_to_the_robot_whose_it_is() -> None:
         )
 
     live = applied(fleet("x.org/a:1"))
-    assert step_names(update_plan(fleet("x.org/a:2"), live, Request(shared=False))) == [["one"]]
-    assert step_names(update_plan(fleet("x.org/a:2"), live, Request(shared=True))) == [["planner"], ["one"]]
+    assert step_names(planned(fleet("x.org/a:2"), live, Request(shared=False))) == [["one"]]
+    assert step_names(planned(fleet("x.org/a:2"), live, Request(shared=True))) == [["planner"], ["one"]]
 
 
 def test_a_deployment_that_the_inventory_does_not_know_is_named_and_left() -> None:
-    plan = update_plan(robot(app("one")), applied(robot(app("one"), app("old"))))
+    plan = planned(robot(app("one")), applied(robot(app("one"), app("old"))))
     assert plan.orphans == ["old"]
     assert plan.steps == []
 
@@ -165,7 +149,7 @@ def test_a_deployment_that_the_inventory_does_not_know_is_named_and_left() -> No
 def test_a_step_that_was_cut_off_is_taken_up_again_and_goes_back_to_the_last_proven_version() -> None:
     proven, wanted = robot(app("one")), robot(app("one", "x.org/a:2"))
     live = marked(applied(wanted, update_map("one", [entry(proven, "one")])), "one")
-    (step,) = update_plan(wanted, live).steps
+    (step,) = planned(wanted, live).steps
     assert step.resume
     assert step.previous["one"] == entry(proven, "one")["deployment"]
     assert step.before["one"]["image"] == "example.org/app:1.0"
@@ -174,18 +158,12 @@ def test_a_step_that_was_cut_off_is_taken_up_again_and_goes_back_to_the_last_pro
     assert step.renames == {proven_node: step.new_nodes["one"]}
 
 
-def test_a_third_version_after_a_cut_off_step_is_a_new_step_from_the_proven_one() -> None:
-    proven, cut_off = robot(app("one")), robot(app("one", "x.org/a:2"))
-    live = marked(applied(cut_off, update_map("one", [entry(proven, "one")])), "one")
-    (step,) = update_plan(robot(app("one", "x.org/a:3")), live).steps
-    assert not step.resume
-    assert step.previous["one"] == entry(proven, "one")["deployment"]
-
-
 def test_back_to_the_previous_version() -> None:
     old, new = robot(app("one"), app("two")), robot(app("one", "x.org/a:2"), app("two"))
-    plan = update_plan(new, applied(new, update_map("one", [entry(old, "one")])), PREVIOUS)
-    assert step_names(plan) == [["one"]]
+    live = applied(new, update_map("one", [entry(old, "one")]))
+    plan = planned(new, live, PREVIOUS)
+    named = planned(new, live, Request(["one"], entry(old, "one")["revision"]))
+    assert step_names(plan) == step_names(named) == [["one"]]
     assert plan.steps[0].after["one"]["image"] == "example.org/app:1.0"
     assert plan.steps[0].before["one"]["image"] == "x.org/a:2"
     assert plan.unchanged == ["ros-keeper", "ros-master", "two"]
@@ -193,26 +171,18 @@ def test_back_to_the_previous_version() -> None:
     assert plan.steps[0].histories == {"one": (entry(old, "one"),)}
 
 
-def test_back_to_a_named_version() -> None:
-    first, second, third = (robot(app("one", f"x.org/a:{number}")) for number in (1, 2, 3))
-    history = update_map("one", [entry(second, "one"), entry(first, "one")])
-    wanted = entry(first, "one")["revision"]
-    plan = update_plan(third, applied(third, history), Request(to=wanted))
-    assert plan.steps[0].after["one"] == {"image": "x.org/a:1", "revision": wanted}
-
-
 def test_back_from_an_old_version_is_the_newer_one_not_itself() -> None:
     old, new = robot(app("one")), robot(app("one", "x.org/a:2"))
     history = update_map("one", [entry(old, "one"), entry(new, "one")])
-    plan = update_plan(new, applied(old, history), PREVIOUS)
+    plan = planned(new, applied(old, history), PREVIOUS)
     assert plan.steps[0].after["one"]["image"] == "x.org/a:2"
 
 
 def test_no_way_back_is_unchanged_for_a_fleet_and_an_error_for_a_named_app() -> None:
     wanted = robot(app("one"))
-    assert update_plan(wanted, applied(wanted), PREVIOUS).steps == []
+    assert planned(wanted, applied(wanted), PREVIOUS).steps == []
     with pytest.raises(SpecError, match="app one has no previous revision to go back to; kept: none"):
-        update_plan(wanted, applied(wanted), Request(["one"], "previous"))
+        planned(wanted, applied(wanted), Request(["one"], "previous"))
 
 
 def test_an_unknown_revision_is_an_error_that_names_those_there_are() -> None:
@@ -220,7 +190,7 @@ def test_an_unknown_revision_is_an_error_that_names_those_there_are() -> None:
     bare = {key: value for key, value in entry(first, "one").items() if key != "image"}
     history = update_map("one", [{**entry(second, "one"), "image": "x.org/a:2"}, bare])
     with pytest.raises(SpecError) as error:
-        update_plan(third, applied(third, history), Request(["one"], "12345678"))
+        planned(third, applied(third, history), Request(["one"], "12345678"))
     there = f"{entry(second, 'one')['revision']} (x.org/a:2), {bare['revision']} (?)"
     assert str(error.value) == f"robot1: app one has no revision 12345678 to go back to; kept: {there}"
 
@@ -262,7 +232,7 @@ def test_a_step_says_all_that_its_phases_need() -> None:
         )
 
     wanted = fleet("x.org/a:2")
-    step = update_plan(wanted, applied(fleet("x.org/a:1"), update_map("map", []))).steps[-1]
+    step = planned(wanted, applied(fleet("x.org/a:1"), update_map("map", []))).steps[-1]
     assert (step.name, step.kind, step.apps, step.handoff) == ("motion", "app", ["map", "drive", "arm"], "drain")
     assert step.actions == ["/plan", "/drive/go", "/arm/go"]
     assert (step.idle, step.on_busy) == (["/dock", "/map/lift", "/charge"], "defer")
@@ -273,7 +243,7 @@ def test_a_step_says_all_that_its_phases_need() -> None:
 
 def test_a_groups_new_app_does_not_hide_the_way_back_of_the_next() -> None:
     new, old = (app(name, "x.org/a:2", update={"group": "g"}) for name in ("new", "old"))
-    (step,) = update_plan(robot(new, old), applied(robot(app("old")))).steps
+    (step,) = planned(robot(new, old), applied(robot(app("old")))).steps
     assert (step.apps, list(step.previous)) == (["new", "old"], ["old"])
     assert [item["metadata"]["name"] for item in step.created] == ["new"]
 
@@ -282,11 +252,11 @@ def test_a_group_waits_for_what_any_of_its_apps_depends_on() -> None:
     wanted = robot(
         app("user", depends_on=["sensor"], update={"group": "g"}), app("free", update={"group": "g"}), app("sensor")
     )
-    assert step_names(update_plan(wanted, applied(robot()))) == [["sensor"], ["user", "free"]]
+    assert step_names(planned(wanted, applied(robot()))) == [["sensor"], ["user", "free"]]
 
 
 def test_an_app_that_moves_to_another_namespace_is_a_new_one() -> None:
-    plan = update_plan(robot(app("planner")), applied(robot(app("planner", scope="fleet"))))
+    plan = planned(robot(app("planner")), applied(robot(app("planner", scope="fleet"))))
     (created,) = plan.steps[0].created
     metadata = {"name": "planner", "namespace": "robot-robot1"}
     assert created == {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata}
@@ -296,14 +266,8 @@ def test_an_app_that_moves_to_another_namespace_is_a_new_one() -> None:
 def test_a_node_that_cannot_be_known_is_not_renamed() -> None:
     live = applied(robot(app("one")))
     live.deployments[-1]["spec"]["template"]["metadata"]["annotations"].pop(names.ANNOTATION_NODE)
-    (step,) = update_plan(robot(app("one", "x.org/a:2")), live).steps
+    (step,) = planned(robot(app("one", "x.org/a:2")), live).steps
     assert (step.old_nodes, step.renames) == ({"one": ""}, {})
-
-
-def test_unknown_apps_of_a_robot_without_any() -> None:
-    with pytest.raises(SpecError) as error:
-        update_plan(robot(master={"mode": "external", "uri": "http://m:11311"}), applied(robot()), Request(["b", "a"]))
-    assert str(error.value) == "robot1 has no app a, b; it has none"
 
 
 @pytest.mark.parametrize("data", [None, {}, {"history.json": ""}])
@@ -329,7 +293,3 @@ def test_a_version_is_told_by_its_image_and_revision(
     template = {"metadata": {"labels": labels, "annotations": annotations}, "spec": {"containers": containers}}
     found = described({"spec": {"template": template}})
     assert found == {"image": image, "revision": revision}
-
-
-def test_a_deployment_without_labels_is_of_no_app() -> None:
-    assert app_of({"metadata": {}}) == app_of({"metadata": {"labels": {"a": "b"}}}) == ""

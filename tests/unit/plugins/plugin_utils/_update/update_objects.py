@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import kept
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, rendered, update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
 ADDRESSES = {names.MASTER_NAME: "10.43.0.17", names.KEEPER_NAME: "10.43.0.18"}
@@ -30,6 +32,10 @@ def addressed(robot: Robot) -> Robot:
 
 def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str, Any]:
     return {"name": name, "image": image, "command": ["run"], "pattern": "pubsub", **more}
+
+
+def planned(robot: Robot, live: Live, request: Request | None = None, drifted: Collection[Key] = ()) -> Plan:
+    return update_plan(robot, rendered(robot), live, request or Request(), drifted)
 
 
 def applied(context: Robot, *maps: dict[str, Any]) -> Live:

@@ -8,10 +8,10 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import soak
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.soak import soak
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
     SimulatedCluster,
+    SimulatedHost,
     Simulation,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
@@ -86,19 +87,23 @@ def test_one_that_goes_bad_in_that_time_is_taken_back(name: str, version: str) -
     assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged"
 
 
+def around(sim: Simulation) -> World:
+    return World(SimulatedHost(sim), sim)
+
+
 def waited_for(sim: Simulation, wanted: Robot) -> RobotOutcome:
     """What the next wave waits for."""
     assert outcome_of(sim, wanted).outcome == "updated"
     new = {"sensor": sim.deployment((ROBOT, "sensor"))}
     sim.quiet = lambda *_given: None  # type: ignore[method-assign] # Ansible's own process says that a task goes on
-    return soak(SimulatedCluster(sim), [ROBOT], {app: revision_of(one) for app, one in new.items() if one}, sim)
+    return soak(SimulatedCluster(sim), [ROBOT], {app: revision_of(one) for app, one in new.items() if one}, around(sim))
 
 
 def test_the_next_wave_begins_once_it_is_proven() -> None:
     sim, wanted = begin("overlap", "good")
     assert waited_for(sim, wanted) == RobotOutcome("updated")
     assert said(sim, "overlap") == {PROVEN}
-    assert soak(SimulatedCluster(sim), [ROBOT], {"sensor": "another"}, sim) == RobotOutcome("updated")
+    assert soak(SimulatedCluster(sim), [ROBOT], {"sensor": "another"}, around(sim)) == RobotOutcome("updated")
 
 
 def test_the_next_wave_learns_that_it_was_taken_back() -> None:

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app, applied, marked
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -26,7 +26,7 @@ def found(change: Callable[[dict[str, Any]], Any]) -> list[str]:
     live = copy.deepcopy(applied(ROBOT))
     sensor = next(item for item in live.deployments if item["metadata"]["name"] == "sensor")
     change(sensor)  # type: ignore[arg-type]
-    return [item["metadata"]["name"] for item in suspects(wanted_deployments(ROBOT), live)]
+    return [item["metadata"]["name"] for item in suspects(app_objects(ROBOT), live)]
 
 
 @pytest.mark.parametrize("proven", [False, True])
@@ -37,7 +37,7 @@ def test_what_a_step_applies_again_anyway_is_not_suspected_and_a_mark_alone_is_n
     (record,) = (record_of(item) for item in live.maps)
     if proven:
         live = replace(live, maps=[{**live.maps[0], "data": record.fulfilled().data()}])
-    assert [item["metadata"]["name"] for item in suspects(wanted_deployments(ROBOT), live)] == ["sensor"] * proven
+    assert [item["metadata"]["name"] for item in suspects(app_objects(ROBOT), live)] == ["sensor"] * proven
 
 
 def by(item: dict[str, Any], manager: str, fields: dict[str, Any], subresource: str = "") -> None:
@@ -57,40 +57,32 @@ def in_container(fields: dict[str, Any]) -> dict[str, Any]:
     return in_pod({"f:containers": {'k:{"name":"ros-app"}': fields}})
 
 
-WHOLE: dict[str, Any] = {".": {}}
+def container(item: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = pod(item)["containers"][0]
+    return found
+
+
+def pod(item: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = item["spec"]["template"]["spec"]
+    return found
+
+
 VARIABLE = {"f:env": {'k:{"name":"DEBUG"}': {".": {}, "f:name": {}, "f:value": {}}}}
 SIDECAR = {"f:containers": {'k:{"name":"shell"}': {".": {}, "f:image": {}, "f:name": {}, "f:resources": {}}}}
+TEAM = {"f:template": {"f:metadata": {"f:labels": {"f:team": {}}}}}
+RESTARTED = {"f:template": {"f:metadata": {"f:annotations": {"f:kubectl.kubernetes.io/restartedAt": {}}}}}
 
 
 @pytest.mark.parametrize(
     ("manager", "fields", "change"),
     [
-        (
-            "kubectl-set",
-            in_container(VARIABLE),
-            lambda item: container(item)["env"].append({"name": "DEBUG", "value": "1"}),
-        ),
-        (
-            "kubectl-edit",
-            in_pod(SIDECAR),
-            lambda item: item["spec"]["template"]["spec"]["containers"].append({"name": "shell", "image": "busybox"}),
-        ),
+        ("kubectl-set", in_container(VARIABLE), lambda item: container(item)["env"].append({"name": "DEBUG"})),
+        ("kubectl-edit", in_pod(SIDECAR), lambda item: pod(item)["containers"].append({"name": "shell"})),
         ("kubectl-rollout", {"f:paused": {}}, lambda item: item["spec"].update(paused=True)),
-        (
-            "kubectl-patch",
-            in_pod({"f:hostNetwork": {}}),
-            lambda item: item["spec"]["template"]["spec"].update(hostNetwork=True),
-        ),
-        (
-            "rancher",  # a selector of nodes is one field
-            in_pod({"f:nodeSelector": {}}),
-            lambda item: item["spec"]["template"]["spec"]["nodeSelector"].update(disk="ssd"),
-        ),
-        (
-            "kubectl-label",
-            {"f:template": {"f:metadata": {"f:labels": {"f:team": {}}}}},
-            lambda item: item["spec"]["template"]["metadata"]["labels"].update(team="a"),
-        ),
+        ("kubectl-patch", in_pod({"f:hostNetwork": {}}), lambda item: pod(item).update(hostNetwork=True)),
+        # a selector of nodes is one field
+        ("rancher", in_pod({"f:nodeSelector": {}}), lambda item: pod(item)["nodeSelector"].update(disk="ssd")),
+        ("kubectl-label", TEAM, lambda item: item["spec"]["template"]["metadata"]["labels"].update(team="a")),
     ],
 )
 def test_what_somebody_put_beside_it_is_suspected(
@@ -100,34 +92,28 @@ def test_what_somebody_put_beside_it_is_suspected(
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("manager", "fields", "subresource"),
     [
         # what is ours is compared by its value, whoever has set it to what it is
-        lambda item: by(
-            item, "kubectl-set", in_container({"f:image": {}, "f:env": {'k:{"name":"A"}': {"f:value": {}}}})
-        ),
-        lambda item: by(item, "k3s", {"f:replicas": {}}, "scale"),  # an autoscaler
-        lambda item: by(item, "kubectl-edit", in_container({"f:env": WHOLE})),  # of entries that are gone again
-        lambda item: by(
-            item,
-            "kubectl-rollout",  # restart
-            {"f:template": {"f:metadata": {"f:annotations": {"f:kubectl.kubernetes.io/restartedAt": {}}}}},
-        ),
-        lambda item: item["metadata"]["managedFields"].append(
-            {
-                "manager": "k3s",
-                "operation": "Update",
-                "subresource": "status",
-                "fieldsV1": {
-                    "f:metadata": {"f:annotations": {"f:deployment.kubernetes.io/revision": {}}},
-                    "f:status": {"f:availableReplicas": {}, "f:conditions": {".": {}}},
-                },
-            }
-        ),
+        ("kubectl-set", in_container({"f:image": {}, "f:env": {'k:{"name":"A"}': {"f:value": {}}}}), ""),
+        ("k3s", {"f:replicas": {}}, "scale"),  # an autoscaler
+        ("kubectl-edit", in_container({"f:env": {".": {}}}), ""),  # of entries that are gone again
+        ("kubectl-rollout", RESTARTED, ""),  # restart
     ],
 )
-def test_what_controllers_write_and_what_is_well_again_is_not(change: Callable[[dict[str, Any]], Any]) -> None:
-    assert found(change) == []
+def test_what_controllers_write_and_what_is_well_again_is_not(
+    manager: str, fields: dict[str, Any], subresource: str
+) -> None:
+    assert found(lambda item: by(item, manager, fields, subresource)) == []
+
+
+def test_what_the_controller_says_of_it_is_not_either() -> None:
+    fields = {
+        "f:metadata": {"f:annotations": {"f:deployment.kubernetes.io/revision": {}}},
+        "f:status": {"f:availableReplicas": {}, "f:conditions": {".": {}}},
+    }
+    entry = {"manager": "k3s", "operation": "Update", "subresource": "status", "fieldsV1": fields}
+    assert found(lambda item: item["metadata"]["managedFields"].append(entry)) == []
 
 
 def test_what_a_run_took_over_and_did_not_come_to_apply_is_suspected() -> None:
@@ -170,11 +156,6 @@ def test_a_service_that_is_gone_or_leads_elsewhere_is_lost() -> None:
 
 def test_services_of_what_does_not_run_come_with_it() -> None:
     assert lost_services(workload_objects(ROBOT, PARTS), Live()) == []
-
-
-def container(item: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = item["spec"]["template"]["spec"]["containers"][0]
-    return found
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,14 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Apps of a robot that its inventory has no more: they go where that is asked for, each by a step of its own. Pure."""
+"""The first and the last step of apps: all that never came up comes at once, what the inventory lost goes. Pure.
+
+On a robot on which no app is at work nothing can be disturbed. Its records say so before anything of it is there, and
+know no way back. So an installation that was cut off is known by them: what was installed, was never proven and does
+not work was never at work, and the next run installs it again.
+
+What the inventory has no more goes where that is asked for, each app by a step of its own.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +20,46 @@ from ...module_utils._step.objects import app_of, handoff_of, node_of
 from .._model.context import Robot
 from .._objects.parts import APPS
 from .addresses import NAMES, SERVING
-from .plan import Plan, Request, Step, wanted_before
+from .plan import INSTALL, REMOVE, Plan, Request, Step, promised, wanted_before
 from .revisions import described, files_owner, identity, kept
 from .world import Live, Object
 
-REMOVE = "remove"
 ALL = "all"
+
+
+def with_install(plan: Plan, robot: Robot) -> Plan:
+    """The plan with all that never came up as one step, the last one, where no app is at work.
+
+    What an installation that was cut off has brought up is installed once more: as it is wanted, so that nothing
+    becomes of it but a proof. The robot's messages are not asked before the other steps, those of master and keeper:
+    the app that would publish them is itself to come, and after them.
+    """
+    again = [step for step in plan.steps if step.resume and not step.previous]
+    installed = {app for step in again for app in step.apps}
+    # as long as there are no apps, what serves them is at nobody's work
+    at_work = {app for namespace, app in plan.working if namespace == robot.namespace} - {*SERVING}
+    if at_work - installed:
+        return plan
+    new = [step for step in plan.steps if step.fresh or step in again]
+    others = [replace(step, when=[]) for step in plan.steps if step not in new]
+    return replace(plan, steps=[*others, *([_united(new, robot)] if new else [])])
+
+
+def _united(steps: Sequence[Step], robot: Robot) -> Step:
+    apps = [app for step in steps for app in step.apps]
+    return Step(
+        name=apps[0] if len(apps) == 1 else INSTALL,
+        kind=INSTALL,
+        apps=apps,
+        handoff="replace",
+        objects=[item for step in steps for item in step.objects],
+        created=[item for step in steps for item in step.created],
+        unproven=[app for step in steps for app in step.unproven],
+        new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},
+        conditions=promised(robot, apps),
+        after={app: found for step in steps for app, found in step.after.items()},
+        histories=steps[0].histories,
+    )
 
 
 def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Plan:
@@ -38,10 +79,11 @@ def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pla
 
     # a master of its own, of a robot that has another one by now
     left = NAMES if robot.master.mode != "robot" else ()
+    stays = {"", *wanted, *(set(SERVING) - {*left})}
 
     def goes(item: Object) -> bool:
         app = app_of(item) or files_owner(item)[1]
-        ours = item["metadata"]["namespace"] == robot.namespace and app not in {"", *wanted, *(set(SERVING) - {*left})}
+        ours = item["metadata"]["namespace"] == robot.namespace and app not in stays
         return ours and (ALL in request.remove or app in request.remove)
 
     going = [item for item in live.deployments if goes(item)]
@@ -55,13 +97,13 @@ def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pla
     apps = {app_of(item) for item in going}
     return replace(
         plan,
-        steps=[*(_step(item, robot) for item in first), *plan.steps, *(_step(item, robot) for item in last)],
+        steps=[*(_removal(item, robot) for item in first), *plan.steps, *(_removal(item, robot) for item in last)],
         orphans=[name for name in plan.orphans if name not in apps],
         remnants=[identity(item) for item in [*live.maps, *live.services] if goes(item)],
     )
 
 
-def _step(item: Object, robot: Robot) -> Step:
+def _removal(item: Object, robot: Robot) -> Step:
     app = app_of(item)
     return Step(
         name=app,

@@ -12,10 +12,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
@@ -104,6 +104,10 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     assert word(sim, of) == "unchanged"
     assert not sim.engine_changes
     assert sim.calls == ["there", "read", "apply", "rollout", "ready"]
+    sim = Simulation()
+    site(sim, of, "killed", 13)  # all of it is up, and nobody has proven it
+    found = outcome(sim, of)
+    assert ([step.name for step in found.steps], "graph" in sim.calls) == (["install"], False)
 
 
 @pytest.mark.parametrize("of", [wanted(), SHARED], ids=["robot", "shared"])
@@ -172,6 +176,8 @@ def test_part_by_part() -> None:
         assert "graph" not in sim.calls, part  # nobody is at work yet
     for part in PARTS:
         assert word(sim, of, parts=[part]) == "unchanged", part
+    del sim.objects["Service", NAMESPACE, "ros-keeper"]
+    assert [word(sim, of, parts=[part]) for part in ("apps", "master")] == ["unchanged", "updated"]
 
 
 def test_check_mode_names_all_of_it_and_makes_nothing() -> None:
