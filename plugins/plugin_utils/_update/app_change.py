@@ -26,7 +26,7 @@ from .hands import MASTER_SECONDS, BusyError, Hands, Rest
 from .manifests import beside, early, found_good, fulfilled, marked
 from .nodes import own_nodes
 from .outcome import WAITING, StepResult
-from .plan import INSTALL, REMOVE, Step, promised
+from .plan import Step, promised
 from .revisions import identity, key_of
 from .world import Calm, CancelledError, LostError, Object, Seen
 
@@ -371,8 +371,8 @@ class InstallChange(StepChange):
     def verify(self) -> None:
         self.hands.need_master()
         with self.hands.telling():
-            timeout = float(self.step.conditions["timeout"])
-            self.hands.stays(self.step.conditions, timeout, PROMISED, self.step.workloads)
+            step = self.step
+            self.hands.stays(step.conditions, float(step.conditions["timeout"]), PROMISED, step.workloads)
 
     def finish(self) -> StepResult:
         result = self.result(UPDATED)
@@ -402,6 +402,3 @@ class InstallChange(StepChange):
         apps = [app_of(item) for item in workloads]
         said = fulfilled(item for item in self.maps if app_of(item) in apps)
         self.hands.apply_all([*said, *workloads, *more])
-
-
-KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}

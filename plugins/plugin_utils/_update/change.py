@@ -50,11 +50,6 @@ class StaysError(FleetError):
     """There is no way back from the change; the text says what stays."""
 
 
-def ends(error: FleetError) -> bool:
-    """Whether the run does nothing more after this error."""
-    return isinstance(error, tuple(ENDS))
-
-
 def word_of(error: FleetError, begun: bool = False) -> str:
     """The outcome's word for an error that ends a change, which has `begun` to write or has not."""
     return next((words[begun] for kind, words in ENDS.items() if isinstance(error, kind)), FAILED)
@@ -93,7 +88,7 @@ class Change:
             self.proceed()
             return self.result(UPDATED) if self.check else self.finish()
         except FleetError as error:
-            return self._ends(error) if ends(error) else self._goes_back(error)
+            return self._ends(error) if isinstance(error, tuple(ENDS)) else self._goes_back(error)
 
     def proceed(self) -> None:
         before = [("gate", self.gate), ("wait", self.hold), ("record", self.record), ("apply", self.apply)]
@@ -164,7 +159,7 @@ class Change:
             outcome, reason = FAILED, f"{error}; {stays}"
         except FleetError as worse:
             self.phase("")
-            if ends(worse):
+            if isinstance(worse, tuple(ENDS)):
                 return self._ends(worse, str(error))
             self.say(f"{self.name}: the way back failed, too: {worse}")
             outcome, reason = FAILED, f"{error}; the way back failed, too: {worse}; {self._stays()}"

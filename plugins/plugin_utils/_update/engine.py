@@ -31,13 +31,13 @@ from .._model.outcomes import FAILED, ROLLED_BACK, UNCHANGED, UPDATED
 from .._objects.namespace import removed_claims, storage_objects
 from .._objects.parts import APPS, MASTER, READY, ground_objects
 from .addresses import NAMES, located, other_master
-from .app_change import KINDS, PROMISED, AppChange
-from .change import NOTHING, word_of
+from .app_change import PROMISED, AppChange, InstallChange, RemovalChange
+from .change import NOTHING, StepChange, word_of
 from .cluster import KubeCluster
 from .hands import Hands, Settings, World
 from .lifecycle import with_install, with_removals
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
-from .plan import INSTALL, Desired, Plan, Step, all_of, promised, rendered, update_plan
+from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, promised, rendered, update_plan
 from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, read_records, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
@@ -48,6 +48,7 @@ MOVED = (
 )
 
 
+KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}
 LOOK_SECONDS = 5.0  # between two looks at what soaks
 LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each look may take its time
 

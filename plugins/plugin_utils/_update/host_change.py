@@ -159,8 +159,7 @@ class HostChange(Change):
         """That the robots are this run's still, and what the kubelet says just before the change; KubeError."""
         if self.cluster:
             self.cluster.confirm()
-        if self.cluster and self.node:
-            self._beat = self.cluster.beat(self.node)
+            self._beat = self.cluster.beat(self.node) if self.node else ""
 
     def verify(self) -> None:
         """By the change's own word, by the node and its Deployments, by the graphs; NotReadyError says what is not."""
@@ -276,7 +275,6 @@ class Ward(Hands):
 
 
 def contract_name(node: str) -> str:
-    """Of the ConfigMap of a contract."""
     return f"host-change-{node}" if node else "host-change"
 
 
