@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the ROS exporter costs beside 20 real rospy nodes, and how exact its rate of a 500 Hz topic is.
 

@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 # ruff: noqa: PLC0415, S603 - only the nodes need ROS's Python; every command line is our own
 """The part of bench_ready.py that runs where ROS is: 20 rospy nodes, and ros_ready against them.

@@ -1,3 +1,2 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The experiment of `make bench`: updates of real ROS applications, by this collection and by plain Kubernetes."""

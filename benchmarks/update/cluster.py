@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The lab and its cluster: commands of the checkout, SSH to the hosts, the Kubernetes API. All I/O of both arms."""
 

@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The dissertation's own figures: chapter 4, tables 4.2, 4.3 and 4.4. Means of ten trials, without stress."""
 

@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The robot under stress: stress-ng at 80 % CPU and 80 % memory of the robot host. I/O, but for the sums.
 

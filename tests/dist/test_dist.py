@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The package as Galaxy gets it and as its users have it: looked at by Galaxy's importer, installed, and run from there.
 

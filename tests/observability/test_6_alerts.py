@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Alerts on a live fleet: each is raised by what it is about, and is gone once that is over."""
 

@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Contract, conditions and socket tables against real ROS nodes on loopback: Debian's rosmaster, rospy and roscpp."""
 

@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A robot as its users describe it, with apps of its own: a driver with a device, a latched map, a launch
 file and parameters from the inventory, a recorder with a volume, a bridge at a port, an init container.

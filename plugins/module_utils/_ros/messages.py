@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What messages say: their fields, by the definition that a publisher hands over in its handshake, and what a condition
 makes of what was heard of a topic. Pure: time is told to it.

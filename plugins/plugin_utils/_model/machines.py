@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What k3s, images and ansible-core are made for: machines, versions, a host's Python, and what k3s does by itself."""
 

@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A look at the fleet, first at its clusters, then at its graphs -> how it stands; who is off, which cluster can be
 asked, and who reads whose ROS graph. Clusters are asked side by side: one that does not answer keeps nobody from the

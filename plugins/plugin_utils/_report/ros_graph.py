@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ROS graphs as ros_graph_info returns them -> rows: which node runs where, who hears whom and who should but does not,
 and which processes of launch files have ended. Pure.

@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What became of every host in a run, and where the time went: as a file (the callback's documentation has its keys),
 and as lines of the screen.

@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The variables of ours among everything that an inventory says about its hosts, and what does not do there what it
 says: nothing reads it, no role reads it there, or Ansible takes it otherwise."""

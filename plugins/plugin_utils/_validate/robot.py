@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks between the apps of one robot, of its master and volumes, and between robots."""
 

@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """As much of AWX's REST API as the modules of awx.awx ask for: objects by kind, and what they are associated with.
 

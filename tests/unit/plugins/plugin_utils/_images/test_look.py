@@ -1,4 +1,3 @@
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a node prints of itself, as crictl and ctr of containerd 1.6 and 2.1 do, and which images it is to keep."""
 
