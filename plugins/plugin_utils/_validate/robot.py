@@ -135,7 +135,7 @@ def _dependencies(draft: Draft) -> Iterator[Problem]:
                 between[unit[app.name]].append(unit[other])
     for needs in (inside, between):
         if members_of := circle(needs):
-            member = next(name for name in apps if members_of[0] in (name, unit[name]))
+            [member, *_others] = (name for name in apps if members_of[0] in (name, unit[name]))
             found = f"makes a circle: {' needs '.join([*members_of, members_of[0]])}"
             yield Problem(f"{apps[member][0]}.depends_on", found, "an order in which the apps can be updated")
 
