@@ -665,3 +665,14 @@ def test_a_version_of_which_nobody_ever_tells_is_left_to_the_next_run() -> None:
     sim.restore()
     assert outcome_of(sim, SCENARIOS["drain"].robot(image("half-the-rate"))).outcome == "rolled-back"
     assert goal.ended
+
+
+def test_whether_a_version_runs_unproven_is_said_as_far_as_it_is_known() -> None:
+    """The API goes for good: what is written whole runs; of an apply that it cut off nobody knows."""
+    sim, wanted = begin("overlap", "good")
+    sim.run(wanted, settings())
+    for phase, words in (("apply", "; it may run unproven"), ("rollout", "; it runs unproven")):
+        again, at = begin("overlap", "good")[0], sim.phases.index(f"sensor: {phase}") + 1
+        found = again.run(wanted, settings(), "api-gone", at)
+        assert found is not None
+        assert words in found.reason, (phase, found.reason)
