@@ -21,7 +21,7 @@ _DEVICE = "it has one device, and the two would both drive it"
 
 # Well-known nodes of which there must not be two: package -> the types of its nodes and nodelets, as a pattern, and the
 # reason. The same as users read in docs/apps.md, "Common packages". What is not in here the graph of the robot judges
-# when it is updated (`_update/obstacles.py`); but neither a device nor a file that both would write to shows there.
+# when it is updated (`_update/nodes.py`); but neither a device nor a file that both would write to shows there.
 SINGLE: dict[str, tuple[str, str]] = {
     "amcl": ("amcl", _POSE),
     "robot_localization": ("(?i:ekf|ukf).*", _POSE),
