@@ -7,13 +7,19 @@ import os
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, outcome_of, settings
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    FAULTS,
+    SimulatedHost,
+    Simulation,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -181,6 +187,19 @@ def test_a_pod_that_does_not_end_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
     assert found.outcome == "failed"
     assert found.reason.startswith("driver: still there: driver-")
     assert any("waits until driver has ended, for " in text for text in sim.said)
+
+
+def test_a_node_that_still_answers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim, wanted = fleet(KINDS["replace"])
+    ready = SimulatedHost.ready
+
+    def answers(host: SimulatedHost, master: str, conditions: Any, *more: Any) -> Seen:
+        seen = ready(host, master, conditions, *more)
+        return Seen(WAIT, "/driver: still registered, and answers") if conditions.get("absent") else seen
+
+    monkeypatch.setattr(SimulatedHost, "ready", answers)
+    found = told(sim, wanted, "all")
+    assert (found.outcome, "/driver: still registered" in found.reason) == ("failed", True)
 
 
 def test_another_master_is_refused_while_apps_work_and_the_way_there_works() -> None:
