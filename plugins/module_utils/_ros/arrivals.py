@@ -21,8 +21,10 @@ LOOK_INTERVALS = 2  # takes it to see this many intervals (gate.rate_window)
 # tenths that are not out of the ordinary still tell its rate.
 TENTH_MESSAGES, TENTHS = 20, 8
 # On a machine with too much to do no tenth is like another. So many messages still come at a rate that a longer look
-# tells: the next version can be held to the least of its seconds, unless that is too little to mean anything.
+# tells: the next version can be held to the least of its seconds, or where a stall left one nearly empty of its pairs
+# of seconds, unless that is too little to mean anything.
 LONG_LOOK, LEAST_SHARE = 4.0, 0.5
+SPANS = (LOOK, 2 * LOOK)
 
 
 class Arrivals:
@@ -129,10 +131,13 @@ def _usual_tenths(beat: list[float], start: float, end: float) -> float | None:
 
 
 def _least_second(beat: list[float], start: float, end: float) -> float | None:
-    """Messages in the second that had the fewest, of a long look at very many."""
+    """Messages per second in the second, or in the two, that had the fewest, of a long look at very many."""
     if end - start < LONG_LOOK or len(beat) < 10 * TENTH_MESSAGES * (end - start):
         return None
-    tenths = range(int((end - start - LOOK) * 10) + 1)
-    until = [bisect_right(beat, start + number / 10) for number in range(tenths.stop + int(LOOK * 10))]
-    least = min(until[number + int(LOOK * 10)] - until[number] for number in tenths) / LOOK
-    return least if least >= LEAST_SHARE * len(beat) / (end - start) else None
+    until = [bisect_right(beat, start + number / 10) for number in range(int((end - start) * 10) + 1)]
+    for seconds in SPANS:
+        tenths = int(seconds * 10)
+        least = min(after - before for before, after in zip(until, until[tenths:])) / seconds
+        if least >= LEAST_SHARE * len(beat) / (end - start):
+            return least
+    return None
