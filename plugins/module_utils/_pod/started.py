@@ -19,12 +19,11 @@ from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend, MasterState, Questions
 from .._ros.checks import Check
+from .._ros.client import Ros1Client
 from .._ros.contract import Contract
 from .._ros.gate import Silence, rate_window
 from .._ros.graph import Graph, Node, host_of
 from .._ros.names import is_tool
-from .._ros.registrar import Registrar
-from .._ros.registrations import SUBSCRIBER, Call
 from .._ros.roslaunch import Child, children, crash
 from .._step.record import record_of
 from .._step.words import CONTRACT
@@ -49,13 +48,23 @@ def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
     before = load_state(settings.node)
     ros = ros_of(os.environ)
-    introduce = Registrar(ros.uri, ros.timeout, ros.caller).introduce
-    outside = Outside(run_command, partial(names_here, ros, settings), partial(children, ros), introduce)
+    here = partial(names_here, ros, settings)
+    outside = Outside(run_command, here, partial(children, ros), partial(introduce, ros))
     reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings.node, State(failed=reason))
         sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
+
+
+def introduce(ros: Ros1Client, subscribers: Mapping[Gap, Node]) -> None:
+    """Tell the subscriber of each gap who publishes its topic."""
+    # hardly a call needs them, and the kubelet makes one every second as long as a pod starts
+    from .._ros.registrar import Registrar  # noqa: PLC0415
+    from .._ros.registrations import SUBSCRIBER, Call  # noqa: PLC0415
+
+    calls = [Call(SUBSCRIBER, node.name, gap.topic, "", node.uri) for gap, node in subscribers.items()]
+    Registrar(ros.uri, ros.timeout, ros.caller).introduce(calls)
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,7 @@ class Outside:
     run: Callable[[list[str], float], str]  # why it failed
     here: Callable[[MasterState], Mapping[str, str]]  # name -> address
     children: Callable[[Collection[str]], Iterable[Child]]  # what roslaunch at these addresses started
-    introduce: Callable[[Sequence[Call]], None]  # tell subscribers who publishes their topic
+    introduce: Callable[[Mapping[Gap, Node]], None]  # tell the subscriber of each gap who publishes its topic
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
 
@@ -224,14 +233,12 @@ class Starting:
         Who subscribes at the very moment in which a publisher comes may never connect: rospy takes the list of
         publishers from the master's answer for newer than the one that the master sent meanwhile.
         """
-        due = [gap for gap, since in self.missing.items() if self.now() - since >= MISSED]
-        due = [gap for gap in due if gap not in self.introduced and graph.node(gap.edge[2]).reachable]
+        late = [gap for gap, since in self.missing.items() if self.now() - since >= MISSED]
+        nodes = {gap: graph.node(gap.edge[2]) for gap in late if gap not in self.introduced}
+        due = {gap: node for gap, node in nodes.items() if node.reachable}
         self.introduced.update(due)
         if due:
-            nodes = {gap: graph.node(gap.edge[2]) for gap in due}
-            self.outside.introduce(
-                [Call(SUBSCRIBER, node.name, gap.topic, "", node.uri) for gap, node in nodes.items()]
-            )
+            self.outside.introduce(due)
 
     def _settled(self, own: Iterable[Node]) -> list[Check]:
         registered = [(node.name, node.publications, node.subscriptions, node.services) for node in own]

@@ -411,7 +411,7 @@ def test_a_subscriber_that_missed_its_publisher_is_told_of_it(lost: str, told: t
     calls: list[tuple[float, tuple[str, str, str]]] = []
 
     def introduce(subscribers: Any) -> None:
-        calls.extend((clock.at, (call.node, call.name, call.uri)) for call in subscribers)
+        calls.extend((clock.at, (node.name, gap.topic, node.uri)) for gap, node in subscribers.items())
         world.answers[lost] = connected
 
     assert started(world, clock, introduce=introduce) == ""
