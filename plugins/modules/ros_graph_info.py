@@ -127,6 +127,7 @@ graph:
         - C(rates) has the publishers whose rate may be expected of them from now on. One that sends irregularly, when
           something happens, is not in it, nor one with too few messages. What a publisher sends all at once after it
           was held up does not count.
+        - C(unsteady) has what the other publishers sent per second while they were listened to.
         - C(latched) lists the publishers that latch, of those that were asked for an md5sum or whose rate was measured.
           A message that had been sent before anybody listened is in no rate.
         - C(md5sum) is null where it was not asked for, or no publisher answers. Where one does, and O(definitions) is
@@ -135,7 +136,7 @@ graph:
       sample:
         /chatter: {type: std_msgs/String, md5sum: 992ce8a1687cec8c8bd883ec73ca41d1, publishers: [/talker],
                    subscribers: [/listener], connections: [{publisher: /talker, subscriber: /listener}],
-                   rate: 499.8, rates: {/talker: 499.8}, latched: [], rate_error: ""}
+                   rate: 499.8, rates: {/talker: 499.8}, unsteady: {}, latched: [], rate_error: ""}
     services:
       description:
         - By name, who registered it, and who answers at its address (C(provider)).

@@ -20,6 +20,7 @@ LOOK_INTERVALS = 2  # takes it to see this many intervals (gate.rate_window)
 # A publisher that was held up sends at once what it owes. Where a tenth of a second holds this many messages, those
 # tenths that are not out of the ordinary still tell its rate.
 TENTH_MESSAGES, TENTHS = 20, 8
+DENSE = 10.0 * TENTH_MESSAGES  # messages per second
 # On a machine with too much to do no tenth is like another. So many messages still come at a rate that a longer look
 # tells: the next version can be held to the least of its seconds, or where a stall left one nearly empty of its pairs
 # of seconds, unless that is too little to mean anything.
@@ -84,7 +85,7 @@ class Arrivals:
             return False
         if len(self.counted) <= LEAST_INTERVALS:
             return True
-        dense = len(self.counted) >= 10 * TENTH_MESSAGES * (now - start)
+        dense = len(self.counted) >= DENSE * (now - start)
         return dense and now - start < LONG_LOOK and self.known(start, start + LOOK) is None
 
     def known(self, start: float, end: float) -> float | None:
@@ -132,7 +133,7 @@ def _usual_tenths(beat: list[float], start: float, end: float) -> float | None:
 
 def _least_second(beat: list[float], start: float, end: float) -> float | None:
     """Messages per second in the second, or in the two, that had the fewest, of a long look at very many."""
-    if end - start < LONG_LOOK or len(beat) < 10 * TENTH_MESSAGES * (end - start):
+    if end - start < LONG_LOOK or len(beat) < DENSE * (end - start):
         return None
     until = [bisect_right(beat, start + number / 10) for number in range(int((end - start) * 10) + 1)]
     for seconds in SPANS:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 from typing import Iterable, Mapping, Sequence, Tuple, TypeVar
 
 from .._common.documents import Data, Document
+from .arrivals import DENSE
 from .graph import ANY_TYPE, Graph, NodeKey, Topic, names_of
 from .names import is_tool, matches, renamed
 
@@ -271,6 +272,35 @@ def rated(graph: Graph, nodes: Sequence[str], intended: Intended) -> set[str]:
     taken = _Recorder(graph, nodes, {}, intended)
     topics = taken.contract().topics.items()
     return {node for name, topic in topics if name not in taken.of_actions for node in topic.publishers}
+
+
+def untold(graph: Graph, nodes: Sequence[str], intended: Intended) -> dict[str, str]:
+    """Those of the nodes that send very many messages at no rate that anybody could tell -> what they send, in words.
+
+    So many have a rate. A machine that stood still while they were counted hides it, and a next version that sends
+    hardly any would be held to nothing.
+    """
+    taken, found = _Recorder(graph, nodes, {}, intended), dict[str, str]()
+    for name, topic in taken.contract().topics.items():
+        for node, sent in topic.publishers.items() if name not in taken.of_actions else ():
+            hz = graph.topic(name).unsteady.get(graph.node(node).key, 0.0)
+            if hz >= DENSE and sent.rate is None and sent.least is None:
+                found[node] = f"{node} sends {hz:.0f} messages a second on {name}, too unevenly to tell its rate"
+    return found
+
+
+def as_before(graph: Graph, nodes: Sequence[str], earlier: Contract) -> Graph:
+    """The graph with the rates of an earlier contract, where nodes send about as much, but too unevenly to tell it."""
+    topics = {}
+    for name, topic in graph.topics.items():
+        known = next((part.topics[name] for part in earlier.parts if name in part.topics), Published())
+        rates = {
+            key: min(rate, hz)
+            for key, hz in topic.unsteady.items()
+            if key.name in nodes and (rate := known.publishers.get(key.name, known.first).rate) and 2 * hz >= rate
+        }
+        topics[name] = replace(topic, rates={**topic.rates, **rates}) if rates else topic
+    return replace(graph, topics=topics)
 
 
 class _Recorder:

@@ -168,8 +168,8 @@ class Node:
 class Topic:
     """`rate` (Hz of all publishers together) to `definition` are known where they were asked for: `Graph.measured`.
 
-    `rates` has the publishers whose rate may be expected of them from now on, `latched` those that latch; `rate_error`
-    says why a rate that was to be measured is not known.
+    `rates` has the publishers whose rate may be expected of them from now on, `unsteady` what the others sent per
+    second, `latched` those that latch; `rate_error` says why a rate that was to be measured is not known.
     """
 
     name: str
@@ -179,6 +179,7 @@ class Topic:
     connections: tuple[tuple[NodeKey, NodeKey], ...] = ()  # (publisher, subscriber), by the publishers' word
     rate: float | None = None
     rates: Mapping[NodeKey, float] = field(default_factory=dict)
+    unsteady: Mapping[NodeKey, float] = field(default_factory=dict)
     latched: Keys = ()
     rate_error: str = ""
     md5sum: str = ""
@@ -357,6 +358,7 @@ def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:
         topic,
         rate=None if rate is None or rate.unknown else round(rate.hz, 3),
         rates={key: round(part.known, 3) for key, part in by if part.known is not None},
+        unsteady={key: round(part.hz, 3) for key, part in by if part.known is None and part.hz and not part.unknown},
         latched=tuple(sorted(latched)),
         rate_error=rate.unknown if rate else "",
         md5sum=said.md5sum if said else "",

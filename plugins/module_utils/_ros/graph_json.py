@@ -43,7 +43,7 @@ def graph_from(data: Document) -> Graph:
         return tuple(nodes[name].key if name in nodes else NodeKey(name) for name in names or ())
 
     def topic(name: str, one: Document) -> Topic:
-        edges, rates = one.get("connections") or (), one.get("rates") or {}
+        edges, rates, unsteady = one.get("connections") or (), one.get("rates") or {}, one.get("unsteady") or {}
         return Topic(
             name,
             one.get("type") or "",
@@ -52,6 +52,7 @@ def graph_from(data: Document) -> Graph:
             tuple(zip(keys(edge["publisher"] for edge in edges), keys(edge["subscriber"] for edge in edges))),
             one.get("rate"),
             dict(zip(keys(rates), rates.values())),
+            dict(zip(keys(unsteady), unsteady.values())),
             keys(one.get("latched")),
             one.get("rate_error") or "",
             one.get("md5sum") or "",
@@ -96,6 +97,7 @@ def _topic_data(topic: Topic, definitions: bool) -> Data:
         "connections": [{"publisher": key.name, "subscriber": peer.name} for key, peer in topic.connections],
         "rate": topic.rate,
         "rates": {key.name: hz for key, hz in topic.rates.items()},
+        "unsteady": {key.name: hz for key, hz in topic.unsteady.items()},
         "rate_error": topic.rate_error,
         **text,
     }

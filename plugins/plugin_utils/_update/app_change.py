@@ -32,6 +32,7 @@ NO_WAY_BACK = "no version of it was ever proven, so it stays as it is; another v
 WITHDRAWN = "the new version, which had not begun, was taken back"
 UNKNOWN = "nobody can tell whether its new version is at work"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"
+UNTOLD = "on a quiet machine it can be told, or say in update.rates what it has to send (0: anything)"
 LEAVING = "it is there still, or ending; the next run goes on from there"
 PROMISED = "the graph is what the apps promised"
 VERIFY_EXTRA = 20.0
@@ -149,7 +150,8 @@ class AppChange(StepChange):
         Steps that wait for nobody have theirs measured together. One that is forced may find the robot at work.
         """
         known, found = self.hands, self.found
-        missing, busy = {*found.nodes} - known.rated, decide.at_work(known.graph, found.calm.actions)
+        missing = ({*found.nodes} - known.rated) | {*found.untold}
+        busy = decide.at_work(known.graph, found.calm.actions)
         forced = busy and self.policy == "force"
         # what came while it waited is in the graph, too; but a version that starts beside the old one is none of it
         waited = (busy or self._phases.get("wait", 0.0) > LONG_WAIT) and not (self.beside or self.check)
@@ -164,6 +166,8 @@ class AppChange(StepChange):
             self._look()
             if waited and self.found.calm.actions != found.calm.actions:  # what was unknown is known by now
                 self._hold()
+            if self.found.untold:  # what is unknown waits
+                self.rest.put_off(f"{'; '.join(self.found.untold.values())}; {UNTOLD}")
         for line in self.found.allowed if self.check else ():
             self.say(f"{self.name}: {line}")
 

@@ -290,6 +290,13 @@ class Rest:
         self.held = {**before, **(named if seen.verdict == PASS else {})}
         return seen
 
+    def put_off(self, why: str) -> None:
+        """The change waits for another moment: BusyError. Whoever forces it, or only checks, is told of it alone."""
+        hands, self.since = self._hands, self._hands.clock.now() if self.since is None else self.since
+        if not hands.check and self.policy != "force":
+            raise BusyError(why)
+        hands.say(f"WARNING: {why}")
+
     def let_go(self) -> None:
         """Let the goals go that are held: their clients wait. FleetError; they may be held still."""
         if self.held:

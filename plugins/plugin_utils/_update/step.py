@@ -10,7 +10,7 @@ from typing import Any
 
 from ...module_utils._ros import contract as ros_contract
 from ...module_utils._ros.contract import NOTHING, Contract
-from ...module_utils._ros.graph import Graph, host_of, names_of
+from ...module_utils._ros.graph import Graph, NodeKey, host_of, names_of
 from ...module_utils._ros.names import is_keeper, is_tool
 from ...module_utils._step.objects import app_of, crashes
 from ...module_utils._step.record import Record
@@ -38,6 +38,7 @@ class Gate:
     allowed: Sequence[str] = ()  # what the step would let change, in words
     nodes: Collection[str] = ()  # of which the rates have to be known
     succession: Succession = field(default_factory=Succession)  # what is called otherwise afterwards
+    untold: Mapping[str, str] = field(default_factory=dict)  # nodes of which a rate cannot be told -> why, in words
 
 
 def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collection[str]] | None = None) -> Gate:
@@ -46,6 +47,8 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
     records = read_records(live.maps)
+    for app, found in own.items():
+        graph = ros_contract.as_before(graph, found, _sent_before(step, app, records))
     proven = _proven(step, records)
     # an app that is down at this moment shows nothing to hold the next version to; what was proven of it does
     silent = {
@@ -64,6 +67,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
         [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
         follows,
+        ros_contract.untold(graph, recorded, step.intended),
     )
 
 
@@ -75,6 +79,13 @@ def _proven(step: Step, records: Mapping[str, Record]) -> dict[str, Record]:
         for app, record in found.items()
         if (record.proven or record.soak) and record.revision == step.before.get(app, {}).get("revision")
     }
+
+
+def _sent_before(step: Step, app: str, records: Mapping[str, Record]) -> Contract:
+    """What the version that is to be replaced owes, or was recorded of it for a next one that was taken back."""
+    record, revision = records.get(app, Record()), step.before.get(app, {}).get("revision")
+    known = {record.revision, *(entry.get("revision") for entry in record.history[:1])}
+    return record.contract if revision in known else NOTHING
 
 
 def _silent(proven: Mapping[str, Record], pods: Sequence[Object], graph: Graph) -> list[dict[str, str]]:
@@ -275,12 +286,21 @@ def at_work(graph: Graph, rest: Iterable[Object]) -> bool:
 
 def with_rates(graph: Graph, rated: Graph) -> Graph:
     """The graph with the rates that were measured of some nodes at another time, wherever those nodes are now."""
+
+    def now(found: Mapping[NodeKey, float]) -> dict[NodeKey, float]:
+        return {graph.node(key.name).key: hz for key, hz in found.items()}
+
     topics = {}
     for name, topic in graph.topics.items():
         found = rated.topic(name)
-        rates = {graph.node(key.name).key: hz for key, hz in found.rates.items()}
-        latched = {graph.node(key.name).key for key in found.latched}
-        topics[name] = replace(topic, rates={**topic.rates, **rates}, latched=tuple(sorted({*topic.latched, *latched})))
+        rates = {**topic.rates, **now(found.rates)}
+        unsteady = {**now(found.unsteady), **topic.unsteady}
+        topics[name] = replace(
+            topic,
+            rates=rates,
+            unsteady={key: hz for key, hz in unsteady.items() if key not in rates},
+            latched=tuple(sorted({*topic.latched, *(graph.node(key.name).key for key in found.latched)})),
+        )
     return replace(graph, topics=topics)
 
 

@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
 from imports import imported
 
-ANSWERS = {"graph", "graph_json", "names", "conditions", "checks", "contract", "gate", "backend"}
+ANSWERS = {"arrivals", "graph", "graph_json", "names", "conditions", "checks", "contract", "gate", "backend"}
 
 
 @pytest.mark.parametrize("name", [*sorted(f"_ros.{name}" for name in ANSWERS), "_pod.judge"])

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import EdgeCondition, conditions_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract, Intended
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract, Intended, as_before, untold
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions as options
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import record as recorded
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Rate, ServiceProbe, StatusReading
@@ -295,3 +295,40 @@ def test_what_an_update_is_meant_to_change_is_not_recorded(ignore: list[str], le
     assert earlier == Contract.from_dict(found)  # as is asked of an app that is down when its update begins
     nothing = earlier.owed(Intended(on_demand=(NEW,)))
     assert (nothing.nodes, nothing.topics, nothing.edges, nothing.services) == ((NEW,), {}, (), {})
+
+
+@pytest.mark.parametrize(
+    ("topic_name", "sent", "intended", "told"),
+    [
+        ("temperature", {"unsteady": {OLD: 200.0}}, Intended(), {OLD}),
+        ("temperature", {"unsteady": {OLD: 199.0}}, Intended(), set()),  # so few may be sent when something happens
+        ("temperature", {"unsteady": {OLD: 500.0}}, Intended(rates={"/temperature": 0}), set()),  # by its word
+        ("temperature", {"unsteady": {OLD: 500.0}}, Intended(ignore=("/temperature",)), set()),
+        ("temperature", {"unsteady": {"/display": 500.0}}, Intended(), set()),  # that one stays
+        ("temperature", {"unsteady": {OLD: 500.0}, "rates": {OLD: 500.0}}, Intended(), set()),
+        ("cook/feedback", {"unsteady": {OLD: 500.0}}, Intended(), set()),  # what goals make it carry
+    ],
+)
+def test_of_which_nodes_a_rate_should_be_known(
+    topic_name: str, sent: dict[str, Any], intended: Intended, told: set[str]
+) -> None:
+    of = changed(**{topic_name: {**topic([OLD, "/display"], ["/dead"]), **sent}})
+    found = untold(graph_from(of), [OLD], intended)
+    assert {*found} == told
+    if told:
+        assert found[OLD] == f"{OLD} sends 200 messages a second on /temperature, too unevenly to tell its rate"
+
+
+@pytest.mark.parametrize(
+    ("now", "rate"),
+    [(500.0, 400.0), (300.0, 300.0), (200.0, 200.0), (199.0, None)],
+    ids=["as was known", "no more than it sends", "half", "it may be another stream by now"],
+)
+@pytest.mark.parametrize("publishers", [{OLD: {"rate": 400.0}}, {"/other_name": {"rate": 400.0}}, {}])
+def test_what_cannot_be_told_is_as_it_was(now: float, rate: float | None, publishers: dict[str, Any]) -> None:
+    earlier = Contract.from_dict({"topics": {"/temperature": {"rate": 400.0, "publishers": publishers}}})
+    of = changed(temperature={**topic([OLD, "/display"], []), "unsteady": {OLD: now, "/display": 390.0}})
+    for contract in (earlier, Contract(others=earlier)):
+        found = as_before(graph_from(of), [OLD], contract)
+        assert {key.name: hz for key, hz in found.topic("/temperature").rates.items()} == ({OLD: rate} if rate else {})
+    assert as_before(graph_from(of), [OLD], Contract()).topics == graph_from(of).topics

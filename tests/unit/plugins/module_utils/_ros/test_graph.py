@@ -33,8 +33,8 @@ DEAD_NODE = {
 }  # fmt: skip
 RELAYED = {
     "type": "std_msgs/String", "md5sum": None, "publishers": ["/relay"], "subscribers": ["/listener_relay"],
-    "connections": [{"publisher": "/relay", "subscriber": "/listener_relay"}], "rate": None, "rates": {}, "latched": [],
-    "rate_error": "",
+    "connections": [{"publisher": "/relay", "subscriber": "/listener_relay"}], "rate": None, "rates": {},
+    "unsteady": {}, "latched": [], "rate_error": "",
 }  # fmt: skip
 WORK = {
     "type": "actionlib/TestAction", "servers": ["/worker"], "clients": ["/asker"], "up": True, "busy": True,
@@ -51,7 +51,8 @@ def test_the_graph_as_json() -> None:
     graph = build(recorded_state(), recorded_answers(), probes, statuses)
     a, b = (graph.node(name).key for name in ("/talker_a", "/talker_b"))
     by = {a: Rate(51.0, 50, 1.0, known=49.98765), b: Rate(error="gone")}
-    by[NodeKey("/talker_c")] = Rate(0.0, 1, 1.0, latched=True, few=True)
+    by[NodeKey("/talker_c")] = Rate(1.0, 1, 1.0, latched=True, few=True)
+    by[NodeKey("/talker_d")] = Rate(20.0, 20, 1.0)
     rates = {
         "/chatter": Rate(99.98765, 100, 1.0, by=by),
         "/rosout": Rate(error="/x: gone"),
@@ -68,6 +69,7 @@ def test_the_graph_as_json() -> None:
     assert (data["nodes"][DEAD], topics["/chatter_relay"], data["actions"]["/work"]) == (DEAD_NODE, RELAYED, WORK)
     chatter, few = topics["/chatter"], topics["/work/status"]
     assert (chatter["rate"], chatter["rates"], chatter["md5sum"]) == (99.988, {"/talker_a": 49.988}, "99")
+    assert chatter["unsteady"] == {"/talker_d": 20.0}
     assert chatter["latched"] == ["/talker_b", "/talker_c"]
     assert (few["rate"], few["rate_error"]) == (None, "2 messages in 1.0 s")  # which is not 2 Hz
     assert (topics["/rosout"]["rate"], topics["/rosout"]["rate_error"]) == (None, "/x: gone")

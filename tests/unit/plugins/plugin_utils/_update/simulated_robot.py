@@ -202,6 +202,7 @@ class SimulatedRobot:
         self.goals: list[Goal] = []
         self.waiting: list[Goal] = []  # held, or without a server
         self.holds: dict[str, Hold] = {}
+        self.uneven_until = -1.0  # the machine stands still now and then: no rate can be told
         self.robot_until = self.master_until = self.deaf_until = -1.0  # away, silent; action servers that tell nothing
         self.cut: list[Goal] = []  # goals whose server was stopped under them
 
@@ -603,7 +604,8 @@ class SimulatedRobot:
             for key in graph.topic(topic).publishers:
                 process = self.registered.get(key.name)
                 hz = self.hertz(process, topic) if process and process.alive else 0.0
-                by[key] = Rate(hz, int(hz * window), window, known=hz or None)
+                told = hz > 0 and self.uneven_until <= self.time
+                by[key] = Rate(hz, int(hz * window), window, known=hz if told else None)
             found[topic] = Rate(sum(rate.hz for rate in by.values()), 0, window, by=by)
         return found
 

@@ -349,6 +349,48 @@ def test_a_subscriber_that_comes_during_a_step_is_owed_its_messages_by_the_next(
     assert ["/mean", "/late"] in [edge[1:] for edge in sim.promised("robot-robot1", "stats")["edges"]]
 
 
+# --- rates that nobody can tell --------------------------------------------------------------------------------------
+
+
+def test_a_step_waits_until_the_rate_of_very_many_messages_can_be_told() -> None:
+    """Else any version would do: there is nothing to hold it to."""
+    sim, wanted = begin("overlap", "half-the-rate")
+    sim.uneven_until, before = sim.time + 30.0, running(sim, "sensor")
+    found, engine = run_of(sim, wanted, look_timeout=0.0)
+    assert (found.outcome, [*engine.waiting]) == ("waiting", ["sensor"])
+    assert "sends 500 messages a second on /temperature, too unevenly to tell its rate" in found.reason
+    assert running(sim, "sensor") == before
+    sim.advance(30.0)
+    assert outcome_of(sim, wanted, look_timeout=8.0, since=engine.waiting).outcome == "rolled-back"
+
+
+@pytest.mark.parametrize(
+    ("rates", "more", "word"),
+    [
+        ({"temperature": 400}, {}, "updated"),
+        ({}, {"on_busy": "defer"}, "deferred-busy"),
+        ({}, {"on_busy": "force"}, "updated"),
+        ({}, {"on_busy": "defer", "check": True}, "updated"),
+    ],
+)
+def test_whoever_does_not_wait_for_a_rate(rates: dict[str, int], more: dict[str, Any], word: str) -> None:
+    sim, _wanted = begin("overlap", "good")
+    sim.uneven_until = sim.time + 1e9
+    wanted = robot(app("sensor", image("good"), placement="local", update={"rates": rates}))
+    assert outcome_of(sim, wanted, **more).outcome == word
+    told = any("WARNING: " in text and "too unevenly" in text for text in sim.said)
+    assert told == (word == "updated" and not rates)
+
+
+def test_what_was_recorded_for_a_version_that_was_taken_back_still_counts() -> None:
+    sim, wanted = begin("overlap", "half-the-rate")
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+    sim.uneven_until = sim.time + 1e9
+    for number, version in enumerate(("half-the-rate", "good", "half-the-rate"), 2):
+        found = outcome_of(sim, SCENARIOS["overlap"].robot(image(version, number)))
+        assert found.outcome == ("updated" if version == "good" else "rolled-back"), number
+
+
 # --- beside the old version -------------------------------------------------------------------------------------------
 
 

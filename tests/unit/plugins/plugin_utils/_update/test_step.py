@@ -299,11 +299,23 @@ def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
     step = sensor_step()
     (old,) = step.old_nodes.values()
     graph = graph_of(step)
-    later = {"/temperature": {"rates": {"/other": 20.0}, "latched": ["/other"]}, "/new": {"rates": {"/other": 1.0}}}
+    later = {
+        "/temperature": {
+            "rates": {"/other": 20.0},
+            "unsteady": {"/third": 5.0, old: 499.0},
+            "latched": ["/other"],
+        },
+        "/new": {"rates": {"/other": 1.0}},
+    }
     found = with_rates(graph_from(graph), graph_from({"topics": later}))
     whole = graph_data(graph_from(graph))["topics"]["/temperature"]
     assert graph_data(found)["topics"] == {
-        "/temperature": {**whole, "rates": {old: 500.0, "/other": 20.0}, "latched": ["/other"]}
+        "/temperature": {
+            **whole,
+            "rates": {old: 500.0, "/other": 20.0},
+            "unsteady": {"/third": 5.0},
+            "latched": ["/other"],
+        }
     }
 
 
