@@ -7,9 +7,10 @@ for both, stands alone, and has its types in comments. In what it adds to roslau
 * A node that could not be started ends it, as does one that is `required`, with that one's exit code, or 1.
 * A node that is deaf to SIGINT is ended after seconds, not after a quarter of a minute.
 * `--overlap`: the version before is still at work. Every node's name gets this version's revision behind it
-  (`ROSOPS_REVISION`), private parameters move along, and private topics and services stay under the name that others
-  know: `~image` of the node `camera_1a2b3c4d` is `/camera/image`. Which ones a node has the graph says: that of the
-  version before, or the first seconds of this one, after which such a node is started once more.
+  (`ROSOPS_REVISION`), and so do its private parameters; others read them where they know them (`/camera/fx`), as the
+  version has set them that was started last. Private topics and services stay under the name that others know: `~image`
+  of the node `camera_1a2b3c4d` is `/camera/image`. Which ones a node has the graph says: that of the version before, or
+  the first seconds of this one, after which such a node is started once more.
 * `--replace`: nodes of which there must not be two. They begin when those of the version before have ended.
 
 Sources: roslaunch 1.12 to 1.15 (`parent.py`, `pmon.py`, `launch.py`), wiki.ros.org/Names, wiki.ros.org/nodelet.
@@ -274,8 +275,9 @@ def launch_of(roslaunch, master, options):  # type: (Any, Master, Options) -> An
                 changed = ", ".join(conflicts(wanted, master.api.getParam("/"), self.names))
                 if changed:
                     raise RLException("%s would change under the version at work; take handoff: replace" % changed)
-            moved = [(self.names.moved(name), param.value) for name, param in self.config.params.items()]
-            self.config.params = {name: Param(name, value) for name, value in moved}
+            for name, param in list(self.config.params.items()):  # others read a private one where they know it
+                moved = self.names.moved(name)
+                self.config.params[moved] = Param(moved, param.value)
             self.config.clear_params = []  # the version before reads them
             self.config.executables = [one for one in self.config.executables if one.args[:1] != ["delete"]]
             self.given = {name: (node.args, list(node.remap_args)) for name, node in self.by_name.items()}
