@@ -217,6 +217,12 @@ def test_a_changed_master_comes_through_the_gate_and_gets_back_what_was_register
     assert sim.calls[-1] == "ready"  # and then the whole graph is what it was
 
 
+def test_a_new_master_gets_what_was_registered_though_no_keeper_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Simulation, "remember", lambda _sim: None)
+    sim = working()
+    assert word(sim, wanted(master={"image": BETTER})) == "updated"
+
+
 def test_a_new_app_is_a_step() -> None:
     sim = working(robot(app("sensor", GOOD)))
     found = outcome(sim, wanted())
