@@ -64,7 +64,7 @@ status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes,
 HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
-test: ## What needs no host, and on hosts one case for each promise; FRESH=1: also what passed before with the same files
+test: ## What needs no host, and on hosts one case for most promises; FRESH=1: also what passed before with the same files
 	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
 	    --lane artifacts molecule-update molecule-default \
 	    --lane $(HOSTLESS)

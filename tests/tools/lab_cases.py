@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What every suite on a lab's fleet has: which of its cases are run, and a list of what was measured.
 
-`--cases promises` takes one case for each promise, by the mark that names it, and those that need no fleet; `all`
-leaves out only what is marked as a fault that takes long; `faults` is everything.
+`--cases promises` takes one case for each promise, by the mark that names it, but for those that are marked as long,
+and the cases that need no fleet; `all` leaves out only what is marked as a fault that takes hours; `faults` is all.
 
 A plugin of pytest, named by the suites' conftest files.
 """
@@ -25,7 +25,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "promise(what): the one case that proves it on real hosts whenever tests are run"
     )
-    config.addinivalue_line("markers", "faults: a case that takes long; only with --cases faults")
+    config.addinivalue_line("markers", "long: a promise whose decisions are proven without hosts, too; not for promises")
+    config.addinivalue_line("markers", "faults: a case that takes hours; only with --cases faults")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -40,7 +41,8 @@ def wants(wanted: str, item: pytest.Item) -> bool:
     if item.get_closest_marker("faults"):
         return wanted == "faults"
     on_hosts = "standing_fleet" in getattr(item, "fixturenames", ())
-    return wanted != "promises" or not on_hosts or item.get_closest_marker("promise") is not None
+    promised = item.get_closest_marker("promise") is not None and item.get_closest_marker("long") is None
+    return wanted != "promises" or not on_hosts or promised
 
 
 @pytest.fixture(scope="session")

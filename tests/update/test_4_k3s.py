@@ -64,6 +64,7 @@ def test_k3s_is_light_beside_the_pods_of_a_robot(fleet: Fleet) -> None:
         assert {f"ControlGroup={group}", f"CPUWeight={weight}"} <= {*unit.splitlines()}, found[host]
 
 
+@pytest.mark.long
 @pytest.mark.promise("k3s is changed under robots at work, and they notice nothing")
 @pytest.mark.usefixtures("put_back")
 def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) -> None:
@@ -90,6 +91,7 @@ def test_check_mode_and_a_second_run_start_no_k3s_anew(fleet: Fleet) -> None:
     assert starts(fleet) == now
 
 
+@pytest.mark.long
 @pytest.mark.promise("a k3s that does not start is taken back")
 @pytest.mark.usefixtures("put_back")
 def test_a_configuration_with_which_k3s_does_not_start_is_taken_back(fleet: Fleet) -> None:

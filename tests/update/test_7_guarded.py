@@ -68,6 +68,7 @@ def marked(fleet: Fleet) -> list[str]:
     return [robot for robot in ROBOTS if fleet.hosts.ssh(robot, f"ls {MARK} || true").strip()]
 
 
+@pytest.mark.long
 @pytest.mark.promise("tasks of one's own go through the gate, and are proven or taken back")
 def test_tasks_are_proven_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any) -> None:
     """On a robot whose goals are short, with time between them."""

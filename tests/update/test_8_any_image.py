@@ -23,6 +23,7 @@ def settled(fleet: Fleet) -> Iterator[None]:
     fleet.return_to(before)
 
 
+@pytest.mark.long
 @pytest.mark.promise("an image without Python is updated without a loss")
 @pytest.mark.promise("a version that does less in the ROS graph is taken back")
 def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None:

@@ -84,6 +84,7 @@ def nodes_of(fleet: Fleet) -> list[str]:
     return sorted(name.removesuffix(suffix).lstrip("/") for name in found)
 
 
+@pytest.mark.long
 @pytest.mark.promise("a launch file of nine nodes is updated without a loss, and a bad version of it taken back")
 def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) -> None:
     installed(fleet, nine)

@@ -51,6 +51,7 @@ def on_its_own(fleet: Fleet) -> Iterator[Fleet]:
     wait_until(sent, lambda newest: newest > back, 240, "a goal from the edge that comes through again", pause=1)
 
 
+@pytest.mark.long
 @pytest.mark.promise("a robot works through a cut")
 def test_a_robot_works_through_a_cut(on_its_own: Fleet) -> None:
     fleet, before = on_its_own, on_its_own.running()

@@ -13,6 +13,7 @@ from runs import wait_until
 SENSOR, SERVER, CLIENT = "temperature", "prime-factors", "prime-factors-client"
 
 
+@pytest.mark.long
 @pytest.mark.promise("a node that hangs is begun anew, and no goal is lost")
 def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
     usual = fleet.variables
