@@ -25,7 +25,9 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "promise(what): the one case that proves it on real hosts whenever tests are run"
     )
-    config.addinivalue_line("markers", "long: a promise whose decisions are proven without hosts, too; not for promises")
+    config.addinivalue_line(
+        "markers", "long: a promise whose decisions are proven without hosts, too; not for `promises`"
+    )
     config.addinivalue_line("markers", "faults: a case that takes hours; only with --cases faults")
 
 
