@@ -155,6 +155,16 @@ def test_what_does_not_come_up_stays_and_is_told_and_the_rest_is_at_work() -> No
     assert not marked(sim)
 
 
+def test_what_was_cancelled_stays_and_is_told() -> None:
+    sim = Simulation()
+    outcome(sim, wanted())
+    at = sim.calls.index("rollout") + 1
+    found = site(sim := Simulation(), wanted(), "cancelled", at)
+    assert found is not None
+    assert found.outcome == "failed"
+    assert found.reason.endswith("what came up stays as it is; the next run goes on from there")
+
+
 def test_a_master_that_does_not_come_up() -> None:
     sim = Simulation()
     bad, good = wanted(master={"image": image("never-starts")}), wanted(master={"image": GOOD})
