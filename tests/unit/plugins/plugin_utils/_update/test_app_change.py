@@ -709,6 +709,13 @@ def test_a_version_of_which_nobody_ever_tells_is_left_to_the_next_run() -> None:
     assert goal.ended
 
 
+def test_what_a_bad_version_registered_goes_with_it_though_no_keeper_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Simulation, "reap", lambda _sim, _process: None)
+    sim, wanted = begin("overlap", "hangs")
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+    assert [node for node, process in sim.registered.items() if not process.alive] == []
+
+
 def test_whether_a_version_runs_unproven_is_said_as_far_as_it_is_known() -> None:
     """The API goes for good: what is written whole runs; of an apply that it cut off nobody knows."""
     sim, wanted = begin("overlap", "good")
