@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._step.objects import Object
 from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
@@ -19,19 +17,17 @@ from ..plugin_utils._update.cluster import live_in
 class ActionModule(ClusterAction):
     """No app needs the exporter, so a changed exporter is restarted at once, without a gate."""
 
-    ARGUMENTS: ClassVar = {"statistics": {"type": "bool", "default": False}}
-
     def work(self, params: Arguments, known: Variables) -> Result:
         with self.cluster(params, known) as kube:
             robot = robot_from_vars(known)
             there = located(robot, live_in(kube, [master_namespace(robot)]))
-            return written(kube.apply(_objects(params, there), self._task.check_mode))
+            return written(kube.apply(_objects(there), self._task.check_mode))
 
-    def foresee(self, params: Arguments, known: Variables) -> Result:
-        return foreseen(_objects(params, robot_from_vars(known)))
+    def foresee(self, _params: Arguments, known: Variables) -> Result:
+        return foreseen(_objects(robot_from_vars(known)))
 
 
-def _objects(params: Arguments, robot: Robot) -> list[Object]:
+def _objects(robot: Robot) -> list[Object]:
     # a directory of the host is more than these levels allow
     closed = robot.pod_security in ("baseline", "restricted")
-    return exporter_objects(robot, exporter_files(), statistics=params["statistics"], claims=not closed)
+    return exporter_objects(robot, exporter_files(), claims=not closed)

@@ -21,7 +21,6 @@ import std_msgs.msg
 from actionlib.msg import TestAction, TestGoal, TestResult
 from actionlib_msgs.msg import GoalStatusArray  # begins with a header, as sensors' messages do
 from genpy.message import get_message_class
-from rosgraph_msgs.msg import Log as Stamped
 from rospy.impl.registration import RegManager
 from std_msgs.msg import (
     Float32,
@@ -269,15 +268,6 @@ def loud(log: Log, topic: str = "/loud") -> None:
         time.sleep(0.01)
 
 
-def stamped(_log: Log, topic: str = "/stamped") -> None:
-    out = rospy.Publisher(topic, Stamped, queue_size=10)
-    while not rospy.is_shutdown():
-        message = Stamped()
-        message.header.stamp = rospy.Time.from_sec(time.time() - 0.25)
-        out.publish(message)
-        time.sleep(0.02)
-
-
 def points(_log: Log, skip: str = "0") -> None:
     """A hundred a second; of those numbers that rospy counts up it leaves some out, in one place."""
     out = rospy.Publisher("/points", GoalStatusArray, queue_size=1000)
@@ -340,7 +330,7 @@ KINDS: dict[str, Callable[..., None]] = {
     function.__name__: function
     for function in (
         talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller, hearer,
-        counted, loud, stamped, points, chatter, robot, camera,
+        counted, loud, points, chatter, robot, camera,
     )
 }  # fmt: skip
 

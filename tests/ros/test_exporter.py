@@ -204,21 +204,6 @@ def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> No
     assert messages(found, "/loud", "/listener", "in") > 0
 
 
-def test_statistics_when_switched_on(scene: ExporterScene) -> None:
-    scene.ros.calls([("setParam", "/tester", "/enable_statistics", True)])
-    scene.start("stamped", "/stamper")
-    scene.start("hearer", "/hearer", "/stamped", "rosgraph_msgs/Log")
-    labels = {"topic": "/stamped", "publisher": "/stamper", "subscriber": "/hearer"}
-    until("the topic", lambda: any(row[0] == "/statistics" for row in system_state(scene)[0]))
-    before = system_state(scene)
-    scene.start_exporter("--statistics", "on")
-    until("latency", lambda: scene.scrape()("ros_topic_latency_seconds", **labels) > 0, 60)
-    found = scene.scrape()
-    assert found("ros_topic_latency_seconds", **labels) == pytest.approx(0.25, abs=0.1)
-    assert found("ros_topic_dropped_messages_total", **labels) >= 0
-    assert system_state(scene) == before
-
-
 def test_updates_are_metrics_and_lines(scene: ExporterScene, tmp_path: Path) -> None:
     record = tmp_path / "updates.json"
     record.write_text('{"updates": [{"id": "1", "app": "camera", "handoff": "overlap", "outcome": "running"}]}')

@@ -27,7 +27,6 @@ NEEDS = {
     r"^otelcol_": "log shipper otelcol",
     r"^vmagent_": "profile robot",
     r"^prometheus_remote_storage_": "remote write",
-    r"^ros_topic_(latency_seconds|dropped_messages_total)$": "observability_ros_statistics",
     r"^ros_action_goals$": "an action",
     r"^ros_service_up$": "a service",
     r"^robot_update_": "an update",

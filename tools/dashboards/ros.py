@@ -76,14 +76,13 @@ def ros_graph() -> Json:
 
 
 def topics() -> Json:
-    """Rates, volume and losses of topics."""
+    """Rates and volume of topics."""
     sel = f'{R}, topic=~"$topic"'
 
     def flow(metric: str, direction: str) -> str:
         return f'sum by (robot, topic) (rate({metric}{{{sel}, direction="{direction}"}}[$__rate_interval]))'
 
     who = "{{robot}} {{topic}}"
-    link = "{{topic}}: {{publisher}} to {{subscriber}}"
     rows = [
         [
             graph("Messages sent", "cps", query(flow("ros_topic_messages_total", "out"), who)),
@@ -110,23 +109,5 @@ def topics() -> Json:
                 query(f'sum by (robot, topic) (ros_topic_connections{{{sel}, direction="out"}})', who),
             ),
         ],
-        [
-            graph(
-                "Latency",
-                "s",
-                query(f"max by (topic, publisher, subscriber) (ros_topic_latency_seconds{{{sel}}})", link),
-                about="Only with observability_ros_statistics: nodes then publish /statistics.",
-            ),
-            graph(
-                "Dropped messages",
-                "cps",
-                query(
-                    "sum by (topic, publisher, subscriber)"
-                    f" (rate(ros_topic_dropped_messages_total{{{sel}}}[$__rate_interval]))",
-                    link,
-                ),
-                about="Only with observability_ros_statistics.",
-            ),
-        ],
     ]
-    return page("topics", "Topics", "Rates, volume and losses of topics", rows, [ROBOTS, TOPICS])
+    return page("topics", "Topics", "Rates and volume of topics", rows, [ROBOTS, TOPICS])

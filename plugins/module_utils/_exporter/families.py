@@ -22,7 +22,7 @@ TOTAL = "_total"  # ends the name of a counter and of its samples, and is no par
 CONTENT_TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 MOST = 20_000  # samples of a scrape
 LEFT_OUT = "ros_exporter_series_left_out"
-NAMES = frozenset({"node", "topic", "service", "action", "publisher", "subscriber"})  # labels with names of the graph
+NAMES = frozenset({"node", "topic", "service", "action"})  # labels with names of the graph
 # of several nodes that share a name; other numbers are added up
 SMALLEST = ("ros_node_up", "ros_service_up", "ros_launch_process_up")
 
@@ -99,17 +99,6 @@ def claim_families(used: Mapping[str, int], capacity: Mapping[str, int]) -> list
     return [
         family("rosops_claim_used_bytes", "Bytes on disk in a claim's directory", "claim", used),
         family("rosops_claim_capacity_bytes", sized, "claim", asked),
-    ]
-
-
-def statistics_families(rows: Iterable[tuple[tuple[str, str, str], float, int]]) -> list[Family]:
-    """Latency and drops by (topic, publisher, subscriber)."""
-    found, ends = list(rows), "topic publisher subscriber"
-    aged = "Mean age of messages by their stamp when they came in, by the subscriber's word"
-    missed, lost = "Messages that the subscriber missed, by its own word", {key: lost for key, _age, lost in found}
-    return [
-        family("ros_topic_latency_seconds", aged, ends, {key: age for key, age, _lost in found}),
-        family("ros_topic_dropped_messages_total", missed, ends, lost),
     ]
 
 

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import threading
-from typing import Any, Mapping
+from typing import Mapping
 
 from . import families, updates
 from .claims import Claims
@@ -26,7 +26,6 @@ OPTIONS: Mapping[str, str] = {
     "--claims": "",  # the directory of the storage class, where it is mounted
     "--capacities": "{}",  # bytes by claim, as JSON
     "--namespace": "",
-    "--statistics": "off",
     "--series": str(families.MOST),
 }
 
@@ -56,14 +55,9 @@ class Sources:
         self.claims = Claims(chosen["--claims"], chosen["--namespace"]) if chosen["--claims"] else None
         self.most = int(chosen["--series"])
         self.capacities: dict[str, int] = json.loads(chosen["--capacities"])
-        self.statistics: Any = None
-        if chosen["--statistics"] == "on":
-            from .statistics import Statistics  # noqa: PLC0415 - it costs memory that few have a use for
-
-            self.statistics = Statistics(uri, float(chosen["--timeout"]))
 
     def start(self) -> None:
-        for thread in (self.poller, self.claims, self.statistics):
+        for thread in (self.poller, self.claims):
             if thread is not None:
                 thread.start()
 
@@ -71,8 +65,6 @@ class Sources:
         found = [*families.families(self.poller.snapshot), *updates.families(self.updates.entries)]
         if self.claims is not None:
             found += families.claim_families(self.claims.used, self.capacities)
-        if self.statistics is not None:
-            found += families.statistics_families(self.statistics.rows())
         return families.bounded(found, self.most)
 
 

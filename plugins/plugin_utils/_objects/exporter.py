@@ -28,9 +28,7 @@ RESOURCES = {"requests": {"cpu": "20m", "memory": "32Mi"}, "limits": {"memory": 
 INTERVAL, TIMEOUT = 10, 2  # seconds: between two looks at the graph, and for a node's answers
 
 
-def exporter_objects(
-    robot: Robot, code: Mapping[str, str], *, statistics: bool = False, claims: bool = False
-) -> list[Object]:
+def exporter_objects(robot: Robot, code: Mapping[str, str], *, claims: bool = False) -> list[Object]:
     """ConfigMap and Deployment. `code` is file name -> content; `claims`: what the robot's volumes hold is looked at.
 
     Those of a shared master are the same whichever robot they come from. An external master is looked at from each of
@@ -54,7 +52,7 @@ def exporter_objects(
     if capacities:
         # as the storage class itself would make it, should there be no claim on this host yet
         volumes.append({"name": "claims", "hostPath": {"path": STORAGE, "type": "DirectoryOrCreate"}})
-    container = _container(robot, statistics, capacities)
+    container = _container(robot, capacities)
     return [config, hashed(with_the_master(robot, NAME, container, volumes, grace=5, annotations=annotations))]
 
 
@@ -64,11 +62,9 @@ def _capacities(robot: Robot) -> dict[str, int]:
     return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
 
 
-def _container(robot: Robot, statistics: bool, capacities: Mapping[str, int]) -> Object:
+def _container(robot: Robot, capacities: Mapping[str, int]) -> Object:
     words = ["--interval", str(INTERVAL), "--timeout", str(TIMEOUT)]
     mounts = [mount("code", CODE_DIR, read_only=True), mount("updates", UPDATES_DIR, read_only=True)]
-    if statistics:
-        words += ["--statistics", "on"]
     if capacities:
         words += ["--claims", CLAIMS_DIR, "--namespace", context.master_namespace(robot)]
         words += ["--capacities", json.dumps(capacities)]

@@ -19,7 +19,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families im
     claim_families,
     families,
     stable,
-    statistics_families,
     text,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import GraphMetrics, Snapshot
@@ -88,7 +87,7 @@ def test_line_for_line_as_the_real_exposition_makes_it() -> None:
     made = [
         Family("ros_master_up", GAUGE, "Whether it answers", [({}, 1.0)]),
         Family("ros_topic_messages_total", COUNTER, "Messages", [({"topic": '/a"\\\n', "node": "/n"}, 5.0)]),
-        Family("ros_topic_latency_seconds", GAUGE, "Age", [({"topic": "/a"}, 1e-05), ({"topic": "/b"}, math.inf)]),
+        Family("ros_topic_age_seconds", GAUGE, "Age", [({"topic": "/a"}, 1e-05), ({"topic": "/b"}, math.inf)]),
         Family("ros_node_up", GAUGE, "None of them", []),
     ]
     assert sorted(text(made).splitlines()) == sorted(official(made).splitlines())
@@ -104,7 +103,6 @@ def test_every_family_that_the_exporter_has_is_good_style() -> None:
     made = [
         *families(Snapshot(graph, polls=1)),
         *claim_families({"data": 1}, {"data": 2}),
-        *statistics_families([(("/t", "/p", "/s"), 0.5, 1)]),
         *updates.families([update]),
     ]
     assert len({family.name for family in made}) == len(made)

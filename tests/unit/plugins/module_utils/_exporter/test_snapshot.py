@@ -13,7 +13,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import (
     claim_families,
     families,
-    statistics_families,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
     FORGET_POLLS,
@@ -212,10 +211,7 @@ def test_reasons(error: BaseException, word: str) -> None:
     assert reason(error) == word
 
 
-def test_claims_show_a_capacity_only_beside_what_is_used_and_statistics_whose_they_are() -> None:
+def test_claims_show_a_capacity_only_beside_what_is_used() -> None:
     used, capacity = claim_families({"a": 10, "b": 5}, {"a": 100, "c": 7})
     assert used.samples == [({"claim": "a"}, 10.0), ({"claim": "b"}, 5.0)]
     assert capacity.samples == [({"claim": "a"}, 100.0)]
-    latency, lost = statistics_families([(("/t", "/p", "/s"), 0.25, 3)])
-    labels = {"topic": "/t", "publisher": "/p", "subscriber": "/s"}
-    assert (latency.samples, lost.samples) == ([(labels, 0.25)], [(labels, 3.0)])

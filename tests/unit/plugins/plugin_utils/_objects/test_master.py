@@ -85,12 +85,11 @@ def test_newer_code_restarts_it() -> None:
     assert (again == first, newer == first) == (True, False)
 
 
-@pytest.mark.parametrize("given", [{}, {"statistics": True, "claims": True}, {"claims": True}])
+@pytest.mark.parametrize("given", [{}, {"claims": True}])
 def test_the_process_knows_its_options(given: dict[str, bool]) -> None:
     container = pod(exporter(volumes=VOLUMES, **given)[1])["containers"][0]
     chosen = exporter_main.options(container["args"])
     assert set(chosen) == set(exporter_main.OPTIONS)
-    assert (chosen["--statistics"] == "on") is given.get("statistics", False)
     assert (chosen["--capacities"] == '{"a-pvc": 1024}') is given.get("claims", False)
     where = next(mount["mountPath"] for mount in container["volumeMounts"] if mount["name"] == "updates")
     assert f"{where}/updates.json" == updates.FILE
