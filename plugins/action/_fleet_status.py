@@ -10,15 +10,13 @@ import time
 from collections.abc import Mapping
 from typing import ClassVar
 
-from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action import voice
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._model import names
-from ..plugin_utils._report.files import placed, report_texts, text_of, write
+from ..plugin_utils._report.files import placed, text_of, write
 from ..plugin_utils._report.look import Asked, Look, status_of
 from ..plugin_utils._report.page import status_page
 from ..plugin_utils._report.results import message_of
@@ -44,7 +42,7 @@ class ActionModule(FleetAction):
         read = {host: one["graph"] for host, one in results.items() if "graph" in one}
         graphs = {look.graphs[host].robot: Reading.from_dict(found) for host, found in read.items()}
         problems = graph_problems(results, look.graphs)
-        status = status_of(look, graphs, report_texts(callback_path()), problems)
+        status = status_of(look, graphs, problems)
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         tables = status_text(status) if display.verbosity else f"{TABLES}\n"
         text = f"{summary_text(status, now, look.name)}\n{tables}"
@@ -62,12 +60,6 @@ class ActionModule(FleetAction):
         except OSError as error:
             result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result
-
-
-def callback_path() -> str:
-    """Where the callback fleet_report writes, as its option says; it need not be enabled now."""
-    callback = callback_loader.get("rosops.fleet.fleet_report", class_only=True)  # the configuration then knows it
-    return str(C.config.get_config_value("path", plugin_type="callback", plugin_name=callback._load_name) or "")
 
 
 def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> list[Trouble]:

@@ -27,8 +27,8 @@ description:
   - An error in the report itself is a warning and never ends the run. Under an ansible-core that is older than the
     collection needs there is no report.
   - The last run of each playbook that was not in check mode stays in a file of its own,
-    C(fleet-report-<playbook>.json). The playbook C(status) takes what became of every host from these, and from the
-    hosts' clusters, where the playbooks keep it for other control nodes.
+    C(fleet-report-<playbook>.json). The playbook C(status) takes what became of every host from the hosts' clusters,
+    where the playbooks keep it.
   - "The file: C(playbook), C(check_mode), C(started) (UTC), C(elapsed), C(outcomes) (how many of each), C(hosts),
     C(plays) and C(stages) (name, seconds; a stage is a role, or the play for tasks outside of one), C(slowest_tasks)
     (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many), C(apis) (of each cluster that

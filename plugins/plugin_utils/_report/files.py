@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of reports on the control node: where they lie, reading them all, writing the page."""
+"""Files of the control node, reports and pages: where they lie, reading and writing them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,6 @@ def placed(path: str) -> Path | None:
     directory. None for an empty one."""
     base = Path(C.CONFIG_FILE).parent if C.CONFIG_FILE else Path.cwd()
     return base / Path(path).expanduser() if path else None
-
-
-def report_texts(given: str) -> dict[str, str]:
-    """The reports under a name and those that begin with it: text by file name."""
-    path = placed(given)
-    if path is None:
-        return {}
-    return {file.name: text_of(file) for file in sorted(path.parent.glob(f"{path.stem}*.json"))}
 
 
 def text_of(path: Path) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run made of a host, wherever that is kept: in reports, in the hosts' clusters, in the run's own note."""
+"""What a run made of a host, wherever that is kept: in the hosts' clusters, in the run's own note."""
 
 from __future__ import annotations
 
@@ -14,12 +14,10 @@ from ...module_utils._common.documents import Data, Document
 from .._model.keys import plain
 from .._update.outcome import RobotOutcome, StepResult
 from .files import text_of, write
-from .rows import LastRun, Step, Trouble
+from .rows import LastRun, Step
 
 NOTE = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
 SPOILT = (ValueError, KeyError, TypeError, AttributeError)  # what somebody changed by hand, as it is read
-# Runs that only look. Whoever looks twice still wants to know what became of the last change.
-LOOKING = frozenset({"status.yml", "validate.yml"})
 
 
 @dataclass(frozen=True)
@@ -43,17 +41,13 @@ class HostRun:
 
     @classmethod
     def from_dict(cls, told: Document) -> HostRun:
-        """What `as_dict` made of it, or a report with the run's own keys beside; a report has the names of the tasks.
-
-        Raises one of SPOILT for what is of another shape.
-        """
-        changed = told.get("changed") or 0
+        """What `as_dict` made of it; raises one of SPOILT for what is of another shape."""
         return cls(
             str(told["host"]),
             str(told["playbook"]),
             str(told["started"]),
             RobotOutcome.from_dict(told),
-            changed if isinstance(changed, int) else len(changed),
+            int(told.get("changed") or 0),
             str(told.get("failed_task") or ""),
         )
 
@@ -94,24 +88,6 @@ def note_run(found: Noted) -> None:
 def noted_run() -> Noted:
     """What was written down of this run; nothing where nobody does."""
     return Noted.from_dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / NOTE) or "{}"))
-
-
-def read_reports(texts: Mapping[str, str]) -> tuple[list[HostRun], list[Trouble]]:
-    """Of reports by file name: hosts' runs that may have changed something, and which files cannot be read."""
-    found: list[HostRun] = []
-    problems: list[Trouble] = []
-    for name, text in sorted(texts.items()):
-        try:
-            report = json.loads(text)
-            run = {"playbook": report["playbook"], "started": report["started"]}
-            runs = [HostRun.from_dict({**host, **run}) for host in report["hosts"]]
-            looking = report["check_mode"] or report["playbook"] in LOOKING
-        except SPOILT as error:
-            what = f"not a report of fleet_report ({type(error).__name__})"
-            problems.append(Trouble(name, what, "take the file away from the reports"))
-            continue
-        found += [] if looking else runs
-    return found, problems
 
 
 def outcome_rows(runs: Iterable[HostRun]) -> list[LastRun]:

@@ -2,9 +2,6 @@
 """A look at the fleet, first at its clusters, then at its graphs -> how it stands; who is off, which cluster can be
 asked, and who reads whose ROS graph. Clusters are asked side by side: one that does not answer keeps nobody from the
 others.
-
-Of reports there may be none, several (one per playbook or kept by hand), and spoilt ones; each host's newest run
-counts, be it of a report or kept by the host's cluster.
 """
 
 from __future__ import annotations
@@ -82,8 +79,8 @@ class Look:
         return replace(read(cls, {**told, "status": told, "runs": ()}), runs=runs)
 
 
-def status_of(look: Look, graphs: Graphs, reports: Mapping[str, str], more: Iterable[Trouble] = ()) -> Status:
-    """All sections, with the ROS graphs by robot, the texts of reports by file name, and more problems.
+def status_of(look: Look, graphs: Graphs, more: Iterable[Trouble] = ()) -> Status:
+    """All sections, with the ROS graphs by robot, and more problems.
 
     Nothing is promised by apps that are not there yet.
     """
@@ -94,17 +91,15 @@ def status_of(look: Look, graphs: Graphs, reports: Mapping[str, str], more: Iter
         for graph, topics in look.promised.items()
     }
     crashes, ended = ros_graph.launched_rows(seen.apps, graphs)
-    found, unreadable = host_run.read_reports(reports)
-    runs = [*found, *look.runs]
     return replace(
         seen,
-        problems=(*seen.problems, *more, *held.ending_rows(seen.workloads), *crashes, *unreadable),
+        problems=(*seen.problems, *more, *held.ending_rows(seen.workloads), *crashes),
         ended=tuple(ended),
         ros_nodes=tuple(ros_graph.node_rows(graphs, seen.workloads, seen.nodes)),
         topics=tuple(ros_graph.topic_rows(graphs, kept)),
         links=tuple(ros_graph.links(graphs)),
-        outcomes=tuple(host_run.outcome_rows(runs)),
-        steps=tuple(host_run.step_rows(runs)),
+        outcomes=tuple(host_run.outcome_rows(look.runs)),
+        steps=tuple(host_run.step_rows(look.runs)),
     )
 
 

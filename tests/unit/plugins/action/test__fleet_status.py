@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,6 @@ FLEET: dict[str, Any] = {
     "graphs": {"robot1": {"robot": "(shared)", "master_uri": "http://10.43.0.1:11311"}},
 }
 GRAPH = {"nodes": {"/sensor": {"pid": 1}}, "topics": {"/t": {"type": "a/B", "rate": 10.0}}}
-
-
-@pytest.fixture(autouse=True)
-def reports(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(_fleet_status, "callback_path", lambda: str(tmp_path / "report.json"))
 
 
 @pytest.fixture
@@ -99,12 +93,9 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
     assert said[0].startswith("\nNEEDS ATTENTION")
 
 
-def test_the_last_outcomes_are_those_of_the_reports(tmp_path: Path, said: list[str]) -> None:
-    host = {"host": "robot1", "outcome": "rolled-back", "reason": "half the rate"}
-    report = {"playbook": "update.yml", "check_mode": False, "started": "2026-01-01T00:00:00Z", "hosts": [host]}
-    (tmp_path / "report-update.json").write_text(json.dumps(report))
-    (tmp_path / "report.json").write_text("spoilt")
+def test_the_last_outcomes_are_those_that_the_clusters_keep(monkeypatch: pytest.MonkeyPatch, said: list[str]) -> None:
+    told = {"playbook": "update.yml", "started": "2026-01-01T00:00:00Z", "outcome": "rolled-back"}
+    monkeypatch.setitem(FLEET, "runs", [{"host": "robot1", "reason": "half the rate", **told}])
     found = show("", {"graph": GRAPH})["status"]
     assert [(row["host"], row["outcome"]) for row in found["outcomes"]] == [("robot1", "rolled-back")]
-    assert [row["where"] for row in found["problems"]] == ["cluster edge", "report.json"]
     assert "half the rate" in said[0]

@@ -114,4 +114,4 @@ def fleet_status(sources: dict[str, Any]) -> Status:
     found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
     held = cluster_rows([found], sources.get("usage", {}), NOW)
     look = Look(replace(held, hosts=sources.get("hosts", ())), promised=sources.get("promised", {}))
-    return status_of(look, {robot: Reading.from_dict(one) for robot, one in sources.get("graphs", {}).items()}, {})
+    return status_of(look, {robot: Reading.from_dict(one) for robot, one in sources.get("graphs", {}).items()})

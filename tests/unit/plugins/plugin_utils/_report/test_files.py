@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where reports lie and how the page gets there."""
+"""Where reports and pages lie and how they get there."""
 
 from __future__ import annotations
 
@@ -23,16 +23,6 @@ def test_paths_start_at_the_ansible_cfg(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(files.C, "CONFIG_FILE", None)
     monkeypatch.chdir(tmp_path)
     assert files.placed("a.html") == tmp_path / "a.html"
-
-
-def test_reports_are_those_that_begin_with_the_name(tmp_path: Path) -> None:
-    for name in ("last.json", "last-site.json", "last.txt", "other.json"):
-        (tmp_path / name).write_text(name)
-    (tmp_path / "last-odd.json").mkdir()  # it cannot be read, but is there
-    assert files.report_texts("last.json") == {
-        "last-odd.json": "", "last-site.json": "last-site.json", "last.json": "last.json",
-    }  # fmt: skip
-    assert files.report_texts("nowhere/last.json") == files.report_texts("") == {}
 
 
 def test_a_file_is_whole_and_has_the_mode_that_was_asked_for(tmp_path: Path) -> None:

@@ -49,8 +49,8 @@ def kept_of(*runs: HostRun) -> dict[str, Any]:
     return found
 
 
-def shown(*runs: HostRun, **reports: str) -> Status:
-    return status_of(Look(Status(), runs=runs), {}, reports)
+def shown(*runs: HostRun) -> Status:
+    return status_of(Look(Status(), runs=runs), {})
 
 
 def test_what_was_kept_is_shown_on_another_control_node() -> None:
@@ -68,19 +68,10 @@ def test_what_was_kept_is_shown_on_another_control_node() -> None:
     assert found.problems == ()
 
 
-def test_of_two_the_newer_counts_wherever_it_is_kept() -> None:
-    report = (
-        '{"playbook": "site.yml", "check_mode": false, "started": "%s", "hosts": '
-        '[{"host": "robot1", "outcome": "updated", "changed": ["Apply"]}]}'
-    )
-    for started, playbook in (("2026-11-22T05:00:00Z", "update.yml"), ("2026-11-22T07:00:00Z", "site.yml")):
-        found = shown(*kept_runs(kept_of(RUN)), a=report % started)
-        assert [row.playbook for row in found.outcomes] == [playbook]
-
-
 def test_a_long_reason_is_cut_and_what_somebody_spoilt_is_left_out() -> None:
     kept = kept_of(replace(RUN, outcome=RobotOutcome("failed", "x" * 9999)))
-    kept["data"] |= {"robot2": "{", "robot3": "[]", "robot4": "{}"}
+    odd = '{"host": "robot5", "playbook": "", "started": "", "changed": "a"}'
+    kept["data"] |= {"robot2": "{", "robot3": "[]", "robot4": "{}", "robot5": odd}
     (run,) = kept_runs(kept)
     assert len(run.outcome.reason) == REASON_KEPT
     assert kept_runs(None) == kept_runs({"data": None}) == []

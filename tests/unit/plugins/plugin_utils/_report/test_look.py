@@ -98,7 +98,7 @@ def test_a_promised_topic_that_nobody_publishes() -> None:
 
 
 def test_nothing_found() -> None:
-    assert look.status_of(look.Look(Status()), {}, {}) == fleet_status({}) == Status()
+    assert look.status_of(look.Look(Status()), {}) == fleet_status({}) == Status()
     text = status_text(Status())
     assert text.count("  none") == 8 and "HOSTS\n  none\n" in text and "LAST" not in text and "ENDED" not in text
 
