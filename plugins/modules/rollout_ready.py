@@ -4,8 +4,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Documentation only: the work is done by the action plugin of this name, on the control node.
 
-The options of access are kubernetes.core's. They are said here, because where documentation is made of a collection
-alone, as on Galaxy, a fragment of another one is not found, and no module at all is shown.
+The options of access are some of kubernetes.core's. They are said here, because where documentation is made of a
+collection alone, as on Galaxy, a fragment of another one is not found, and no module at all is shown.
 """
 
 from __future__ import annotations
@@ -80,20 +80,6 @@ options:
   context:
     description: Which context of the kubeconfig counts, if not its current one. Else E(K8S_AUTH_CONTEXT).
     type: str
-  username:
-    description: User for basic authentication. Else E(K8S_AUTH_USERNAME).
-    type: str
-  password:
-    description: This user's password. Else E(K8S_AUTH_PASSWORD).
-    type: str
-  client_cert:
-    description: File with the certificate that the caller shows. Else E(K8S_AUTH_CERT_FILE).
-    type: path
-    aliases: [cert_file]
-  client_key:
-    description: File with the private key of O(client_cert). Else E(K8S_AUTH_KEY_FILE).
-    type: path
-    aliases: [key_file]
   ca_cert:
     description: File with what vouches for the API's certificate, and all in between. Else E(K8S_AUTH_SSL_CA_CERT).
     type: path
@@ -108,29 +94,6 @@ options:
   no_proxy:
     description: Hosts, domains and networks that no proxy is asked for, separated by commas. Else E(K8S_AUTH_NO_PROXY).
     type: str
-  proxy_headers:
-    description: What the proxy is told beside the request.
-    type: dict
-    suboptions:
-      proxy_basic_auth:
-        description: The proxy's C(user:password). Else E(K8S_AUTH_PROXY_HEADERS_PROXY_BASIC_AUTH).
-        type: str
-      basic_auth:
-        description: User and password, with a colon between them. Else E(K8S_AUTH_PROXY_HEADERS_BASIC_AUTH).
-        type: str
-      user_agent:
-        description: The caller's program, such as V(fleet/1.0). Else E(K8S_AUTH_PROXY_HEADERS_USER_AGENT).
-        type: str
-  persist_config:
-    description: Whether a token that was renewed is written into the kubeconfig. Else E(K8S_AUTH_PERSIST_CONFIG).
-    type: bool
-  impersonate_user:
-    description: User in whose name it is done. Else E(K8S_AUTH_IMPERSONATE_USER).
-    type: str
-  impersonate_groups:
-    description: Groups in whose name it is done. Else E(K8S_AUTH_IMPERSONATE_GROUPS), separated by commas.
-    type: list
-    elements: str
 attributes:
   check_mode:
     description: Looks once, and does neither wait nor fail because of a verdict.

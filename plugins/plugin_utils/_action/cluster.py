@@ -15,7 +15,7 @@ from ansible.utils.display import Display
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import KUBECONFIG
 from .._kube.access import (
-    AUTH_ARG_SPEC,
+    ACCESS_ARGS,
     IDENTITY,
     Identity,
     NoClusterError,
@@ -43,8 +43,8 @@ BEGIN, END = "rosops-fleet-begin", "rosops-fleet-end"
 class ClusterAction(FleetAction):
     """An action on the cluster's API, from the control node, in the process of the task.
 
-    Options are kubernetes.core's for the access and those in ARGUMENTS. Where check mode has no cluster
-    to compare with, because the run would make it first, `foresee` says what would be done.
+    Options are those of the access, as kubernetes.core has them, and those in ARGUMENTS. Where check mode has no
+    cluster to compare with, because the run would make it first, `foresee` says what would be done.
     """
 
     _requires_connection = False
@@ -54,7 +54,7 @@ class ClusterAction(FleetAction):
     adoption: Identity | None = None  # what the cluster is and does not say yet
 
     def options(self) -> dict[str, Any]:
-        return {**AUTH_ARG_SPEC, **self.ARGUMENTS}
+        return {**ACCESS_ARGS, **self.ARGUMENTS}
 
     def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         self._apis: dict[str, dict[str, str]] = {}

@@ -38,7 +38,10 @@ try:
 except ImportError:
     IMPORT_ERROR = traceback.format_exc()
 
-__all__ = ["AUTH_ARG_SPEC", "Access", "NoClusterError", "ServersAwayError", "access_from", "forget_key_files"]
+# Those of kubernetes.core's options that a task may have. What else there is to say of an access, a kubeconfig has or
+# the variables K8S_AUTH_*.
+OPTIONS = ("host", "api_key", "kubeconfig", "context", "ca_cert", "validate_certs", "proxy", "no_proxy")
+ACCESS_ARGS: Mapping[str, Any] = {name: AUTH_ARG_SPEC[name] for name in OPTIONS}
 IDENTITY = Ref("ConfigMap", "rosops-fleet", "kube-system", "v1")
 
 
@@ -102,7 +105,7 @@ def access_from(params: Arguments, environment: bool = True) -> Access:
 
 def given_options(params: Arguments) -> Result:
     """The access's options that are given. An empty one is not: "{{ path | default('') }}" must hide nothing."""
-    return {key: params[key] for key in AUTH_ARG_SPEC if params.get(key) not in (None, "", {}, [])}
+    return {key: params[key] for key in ACCESS_ARGS if params.get(key) not in (None, "", {}, [])}
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster, voice
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ACCESS_ARGS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
@@ -26,7 +26,7 @@ class FakeKube:
     def __init__(self, auth: Mapping[str, Any], say: Any) -> None:
         assert callable(say)
         self.patience = 60.0
-        type(self).given = {key: auth[key] for key in AUTH_ARG_SPEC if auth.get(key) is not None}
+        type(self).given = {key: auth[key] for key in ACCESS_ARGS if auth.get(key) is not None}
 
     def within(self, patience: float) -> FakeKube:
         self.patience = patience
@@ -85,7 +85,9 @@ def test_bad_references_are_told_before_anything_is_asked(monkeypatch: pytest.Mo
     assert (result["failed"], result["msg"]) == (True, "objects[0].name: missing")
 
 
-@pytest.mark.parametrize("bad", [{"objects": "x"}, {"objects": None}, {"timeout": "soon"}, {"wait": True}])
+@pytest.mark.parametrize(
+    "bad", [{"objects": "x"}, {"objects": None}, {"timeout": "soon"}, {"wait": True}, {"username": "u"}]
+)
 def test_bad_arguments(monkeypatch: pytest.MonkeyPatch, bad: dict[str, Any]) -> None:
     with pytest.raises(AnsibleActionFail):
         action(monkeypatch, lambda *_: {}, bad)

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.kubernetes.core.plugins.module_utils.args_common import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready as rollout_ready_action
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import ROS_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
@@ -21,9 +20,10 @@ from ansible_collections.rosops.fleet.plugins.modules import (
     ros_registrations,
     ros_traffic_info,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ACCESS_ARGS
 
 SPECS: dict[Any, Mapping[str, Any]] = {
-    rollout_ready: {**AUTH_ARG_SPEC, **rollout_ready_action.ActionModule.ARGUMENTS},
+    rollout_ready: {**ACCESS_ARGS, **rollout_ready_action.ActionModule.ARGUMENTS},
     ros_action_hold: {**ROS_ARGS, **ros_action_hold.HOLD_ARGS, **VALUE_ARGS},
     ros_graph_info: {**ROS_ARGS, **ros_graph_info.INFO_ARGS},
     ros_ready: {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS, **VALUE_ARGS},

@@ -53,9 +53,10 @@ def test_an_environment_that_does_not_count_adds_nothing(server: Server, monkeyp
     assert access_from({}).configuration.host == "https://b"  # it is there again
 
 
-def test_groups_to_act_as_come_from_the_environment_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_to_act_as_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("K8S_AUTH_IMPERSONATE_GROUPS", "a,b")
-    headers = access_from({**HOST, "impersonate_user": "u"}).headers
+    monkeypatch.setenv("K8S_AUTH_IMPERSONATE_USER", "u")
+    headers = access_from(HOST).headers
     assert headers == (("Impersonate-User", "u"), ("Impersonate-Group", "a"), ("Impersonate-Group", "b"))
 
 
