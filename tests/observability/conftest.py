@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What watches a fleet: the real programs on loopback (test_programs, test_configs), and a lab's fleet that they watch.
+"""What watches a fleet: the real programs on loopback (test_configs), and a lab's fleet that they watch.
 
 `molecule test --scenario-name observability` makes the lab and runs them. By hand, once it has converged:
 `pytest tests/observability [-k NAME]` (ROSOPS_LAB names another lab). The cases are run in the order of their files:

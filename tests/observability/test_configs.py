@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the role renders, read by the programs it is for; and the shipper brings every line under its labels."""
+"""What the role renders, read by the programs it is for; every line comes under its labels, and an alert arrives."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import time
@@ -17,13 +18,14 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.stack import stack_objects
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
-from loopback import eventually, free_port, program, running
+from loopback import eventually, free_port, get_json, image_files, program, running
 from rosops_apps.metrics import Metrics
 from watchers import Loki
 
+ALERTMANAGER = {"route": {"receiver": "none"}, "receivers": [{"name": "none"}]}
 PROFILES: dict[str, dict[str, Any]] = {
     "standalone": {"remote_nodes": ["edge1"]},
-    "hub": {"profile": "hub", "remote_nodes": ["edge1"]},
+    "hub": {"profile": "hub", "remote_nodes": ["edge1"], "alertmanager_config": ALERTMANAGER},
     "robot": {"profile": "robot", "robot": "robot2", "hub_url": "http://127.0.0.1"},
 }
 GATE = "--feature-gates=stanza.synchronousLogEmitter"
@@ -164,3 +166,33 @@ def test_lines_and_labels(tmp_path: Path, stack: ExitStack) -> None:
             assert {"container", "stream"} <= beside <= {"container", "stream", "detected_level"}, stream["stream"]
     streams = loki.streams('{namespace!=""}', began, time.time())
     assert sorted(streams, key=itemgetter("pod")) == sorted(PODS.values(), key=itemgetter("pod"))
+
+
+def test_an_alert_goes_all_the_way(tmp_path: Path, stack: ExitStack) -> None:
+    """From Prometheus to Alertmanager, which the lab's fleet has not."""
+    own, alerts = free_port(), free_port()
+    # It reads templates beside it, as Debian has it: only in its image's files is it whole.
+    root = image_files(program("alertmanager"), "/bin/alertmanager", tmp_path / "image")
+    (root / "alertmanager.yml").write_text(json.dumps(ALERTMANAGER))
+    alertmanager = stack.enter_context(
+        running(
+            *(tmp_path / "alertmanager", alerts, "chroot", str(root), "/bin/alertmanager"),
+            *("--config.file=/alertmanager.yml", f"--web.listen-address=127.0.0.1:{alerts}"),
+            "--cluster.listen-address=",
+        )
+    ).ready("/-/ready")
+    words = {"alertmanager.observability:9093": f"127.0.0.1:{alerts}", "/etc/prometheus-rules": str(tmp_path)}
+    config = moved(yaml.safe_load(rendered("hub")["prometheus/prometheus.yml"]), words)
+    config["global"]["evaluation_interval"] = "1s"
+    path = tmp_path / "prometheus.json"
+    path.write_text(json.dumps({**config, "scrape_configs": []}))
+    rule = {"alert": "Always", "expr": "vector(1)", "labels": {"robot": "robot1"}}
+    (tmp_path / "rules.yml").write_text(json.dumps({"groups": [{"name": "test", "rules": [rule]}]}))
+    prometheus = (
+        f"--config.file={path}",
+        f"--storage.tsdb.path={tmp_path}/tsdb",
+        f"--web.listen-address=127.0.0.1:{own}",
+    )
+    stack.enter_context(running(tmp_path / "prometheus", own, program("prometheus"), *prometheus)).ready("/-/ready")
+    found = eventually("the alert in Alertmanager", lambda: get_json(f"{alertmanager.url}/api/v2/alerts"))
+    assert [one["labels"] for one in found] == [{"alertname": "Always", "robot": "robot1"}]
