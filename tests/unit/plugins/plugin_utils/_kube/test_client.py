@@ -36,9 +36,10 @@ NAMESPACE = {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": "robo
 # --- requests -------------------------------------------------------------------------------------------------------
 
 
-def test_lists_with_selectors_and_impersonation(server: Server) -> None:
+def test_lists_with_selectors_and_impersonation(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("K8S_AUTH_IMPERSONATE_USER", "u")
     server.lists["/apis/apps/v1/namespaces/n/deployments"] = [obj("Deployment", "a"), obj("Deployment", "b")]
-    with Kube({"host": server.url, "api_key": "t", "impersonate_user": "u", "impersonate_groups": ["g", "h"]}) as kube:
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
         found = kube.objects("Deployment", "n", labels="a=b")
         assert [one["metadata"]["name"] for one in found] == ["a", "b"]
         kube.nodes()
