@@ -106,21 +106,3 @@ def test_a_file_on_the_wrong_floor_is_found(tmp_path: Path, case: str) -> None:
         path.write_text(text, "utf-8")
     [found] = rooms.wrongs(tmp_path / "plugins")
     assert found.startswith(said)
-
-
-def test_downward_is_right(tmp_path: Path) -> None:
-    right = {
-        "module_utils/_common/errors.py": "import os\n",
-        "module_utils/_ros/gate.py": "from .._common.errors import RosError\nfrom . import graph\n",
-        "plugin_utils/_model/names.py": f"import yaml\nfrom {FULL}.module_utils._common.errors import RosError\n",
-        "plugin_utils/_update/plan.py": f"from {FULL}.plugin_utils._model import names\n",
-        "modules/ros_ready.py": (
-            f"from ansible.module_utils.basic import AnsibleModule\nfrom {FULL}.module_utils._ros.gate import look\n"
-        ),
-        "action/update.py": f"import jinja2\nfrom {FULL}.plugin_utils._update.plan import Step\n",
-    }
-    for name, text in right.items():
-        path = tmp_path / "plugins" / name
-        path.parent.mkdir(parents=True)
-        path.write_text(text, "utf-8")
-    assert rooms.wrongs(tmp_path / "plugins") == []

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import pytest
 from rosops_apps import goals
-from rosops_apps.factors import batch_numbers, count_right, is_prime, prime_factors
+from rosops_apps.factors import batch_numbers, count_right, prime_factors
 
 
 def test_batches_go_round() -> None:
@@ -24,14 +23,6 @@ def test_batches_go_round() -> None:
 )
 def test_factors(number: int, factors: list[int]) -> None:
     assert list(prime_factors(number)) == factors
-
-
-def test_every_number_of_the_batches() -> None:
-    for number in range(1000, 10000):
-        factors = list(prime_factors(number))
-        assert math.prod(factors) == number
-        assert factors == sorted(factors)
-        assert all(map(is_prime, factors))
 
 
 @pytest.mark.parametrize("number", [0, -6])

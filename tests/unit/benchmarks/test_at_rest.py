@@ -4,12 +4,8 @@
 from __future__ import annotations
 
 import os
-import socket
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +15,6 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "ros"))
 
 import at_rest
 from at_rest import LIMIT, LIMIT_MB, Row
-from update import page
 
 
 def found(cpu: float, memory: float, earlier: float = at_rest.EARLIER_SHARE) -> dict[str, Any]:
@@ -47,36 +42,6 @@ def test_the_limit_is_of_the_slow_core_and_what_is_not_ours_is_no_part_of_it(
     assert "ours together" in at_rest.report(found(cpu, memory, earlier))
 
 
-class _Server(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
-        self.server.asked.append(self.path)  # type: ignore[attr-defined]
-        self.send_response(200)
-        self.end_headers()
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing."""
-
-
-@pytest.fixture
-def server() -> Iterator[Any]:
-    with HTTPServer(("127.0.0.1", 0), _Server) as made:
-        made.asked = []  # type: ignore[attr-defined]
-        threading.Thread(target=made.serve_forever, daemon=True).start()
-        yield made
-        made.shutdown()
-
-
-def test_probes_are_asked_as_the_kubelet_asks_them(server: Any) -> None:
-    port = server.server_address[1]
-    at_rest.ask({"httpGet": {"path": "/ready", "port": 1}}, port)
-    assert server.asked == ["/ready"]
-    at_rest.ask({"tcpSocket": {"port": 1}}, port)
-    with socket.create_server(("127.0.0.1", 0)) as closed:
-        away = closed.getsockname()[1]
-    with pytest.raises(ConnectionRefusedError):
-        at_rest.ask({"tcpSocket": {"port": 1}}, away)
-
-
 def test_a_process_that_is_started_counts_and_a_start_alone_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(at_rest, "BURST", 2)
     busy = {"exec": {"command": [sys.executable, "-S", "-c", "sum(range(300000))"]}, "periodSeconds": 2}
@@ -100,11 +65,3 @@ def test_processor_time_of_a_process() -> None:
     while time.process_time() < end:
         pass
     assert 0.04 < at_rest.cpu_seconds(os.getpid()) - before < 5
-
-
-def test_the_page_says_it() -> None:
-    rest = {"rest": [row.as_dict() for row in found(0.9, 24.0, 14.0)["rows"]], "earlier": 14.0, "cores": 2,
-            "machine": "x86_64", "python": "Python 3.11.2", **at_rest.verdict(found(0.9, 24.0, 14.0))}  # fmt: skip
-    text = page.at_rest(rest)
-    assert "| master (not in the sum) | 100.00" in text
-    assert "at most\n3.6/1000, where 5 and 25 MB are allowed:\n**PASS**" in text

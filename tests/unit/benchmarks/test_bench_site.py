@@ -116,13 +116,6 @@ def test_the_last_line_is_the_result(capsys: pytest.CaptureFixture[str]) -> None
     assert tidied == ["gone"]
 
 
-def test_the_published_section_has_every_run_and_its_share_for_a_robot() -> None:
-    table = bench_site.section(bench_site.result({"now": runs()}, ABOUT))
-    assert table.title == "Playbooks with 3 robots"
-    assert list(table.rows[-1]) == ["the same on every robot", "60.0", "12.0", "4.00", "180", "60.0", "2"]
-    assert [row[0] for row in table.rows] == list(bench_site.KINDS.values())
-
-
 def test_a_missed_limit_is_exit_status_1(capsys: pytest.CaptureFixture[str]) -> None:
     assert bench_site.attempt(lambda: bench_site.result({"now": runs(site=90.0)}, ABOUT), lambda: None) == 1
     assert "MISSED: ready hosts take" in capsys.readouterr().out

@@ -6,11 +6,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import pytest
-from published import Table, publish, published
-from update import page, pictures, series, svg
+from update import page, series
 from update.cores import kubelet_arguments, split
 from update.measure import Measured
 from update.numbers import percentile
@@ -140,24 +138,6 @@ def test_an_arm_without_held_goals_is_measured_by_its_goals_alone(tmp_path: Path
     assert len(dict(wanted)[False, 1, "fleet"]) == len(PUBLISHED)
 
 
-def test_pictures_are_well_formed_and_say_what_they_show(tmp_path: Path) -> None:
-    trials = made(*(trial(arm, 1) for arm in ARMS), path=tmp_path)
-    found = pictures.pictures(trials.details)
-    for name, content in found.items():
-        ElementTree.fromstring(content)  # noqa: S314 - our own
-        assert ("no trial yet" in content) is (name not in ("service-time.svg", "service-distribution.svg"))
-        assert f"](benchmarks/{name})" in page.text(trials)
-    assert "plain p95" in found["service-time.svg"]
-    assert "dissertation" in found["service-distribution.svg"]
-    assert found == pictures.pictures(Trials(tmp_path / "trials.jsonl").details)
-
-
-def test_a_chart_with_one_value_is_drawn() -> None:
-    line = svg.Line([(0.0, 5.0)], "#000000", "a & b")
-    for log in (False, True):
-        assert "a &amp; b" in svg.draw(svg.Chart("t", "x", "y", [line], log))
-
-
 def test_the_documentation_is_what_the_trials_give() -> None:
     """`make bench-docs` writes it."""
     for path, content in page.files().items():
@@ -168,13 +148,3 @@ def test_the_documentation_is_what_the_trials_give() -> None:
 def test_a_kubelet_leaves_the_cores_that_are_others_out() -> None:
     assert "reserved-cpus=1,2" in kubelet_arguments((0, 3), range(4))
     assert kubelet_arguments((0,), (0,)) == []
-
-
-def test_a_published_table_is_a_section_of_the_page(tmp_path: Path) -> None:
-    table = Table("Many robots", "On a machine.", ["robots", "s"], [["10", "1.5"]])
-    publish("second", Table("Later", "", [], []), tmp_path)
-    publish("first", table, tmp_path)
-    [first, second] = published(tmp_path)
-    assert (first, second.title) == (table, "Later")
-    assert page.section(first).splitlines()[:3] == ["## Many robots", "", "On a machine."]
-    assert "| 10     | 1.5 |" in page.section(first)

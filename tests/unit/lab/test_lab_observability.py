@@ -44,15 +44,6 @@ def test_tag_and_version_agree(name: str) -> None:
     assert all(tag in package for package in part.packages)
 
 
-@pytest.mark.parametrize("name", [name for name, part in PARTS.items() if part.module])
-def test_the_pinned_module_is_what_go_builds(name: str) -> None:
-    part = PARTS[name]
-    module, _at, version = part.module.partition("@")
-    go_mod = (part.module_directory / "go.mod").read_text()
-    assert re.search(rf"^(\t|require ){re.escape(module)} {re.escape(version)}$", go_mod, re.MULTILINE)
-    assert all(one == "." or one.startswith(module) for one in [*part.programs.values(), *part.tools.values()])
-
-
 def test_other_modules_than_those_of_the_pins_are_not_built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def build(job: Job) -> None:
         assert [*job.command][-3:] == ["-deps", "-test", "./..."]
@@ -66,34 +57,6 @@ def test_other_modules_than_those_of_the_pins_are_not_built(tmp_path: Path, monk
         go.complete(*asked, "f0bf", tmp_path / "made", tmp_path / "log")
     (found,) = re.findall(r"go\.sum (\w{64})", str(told.value))
     go.complete(*asked, found, tmp_path / "made", tmp_path / "log")
-
-
-# --- the collector's parts -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "needed",
-    [
-        "receiver/filelogreceiver",
-        "extension/storage/filestorage",
-        "processor/batchprocessor",
-        "processor/memorylimiterprocessor",
-        "processor/resourceprocessor",
-        "processor/attributesprocessor",
-        "processor/transformprocessor",
-        "processor/k8sattributesprocessor",
-        "exporter/otlphttpexporter",
-    ],
-)
-def test_the_collector_has_what_the_log_shipper_uses(needed: str) -> None:
-    otelcol = PARTS["otelcol"]
-    assert f'/{needed}"\n' in (otelcol.module_directory / "main.go").read_text()
-    assert f"/{needed} v{otelcol.version}\n" in (otelcol.module_directory / "go.mod").read_text()
-
-
-def test_the_collector_says_the_version_that_is_pinned() -> None:
-    otelcol = PARTS["otelcol"]
-    assert f'Version: "{otelcol.version}"' in (otelcol.module_directory / "main.go").read_text()
 
 
 # --- which are built, and where ------------------------------------------------------------------------------------

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -60,39 +58,3 @@ def test_a_command_that_is_there_is_nobodys_to_replace(installs: Any) -> None:
 def test_ubuntu_has_no_package_chromium(installs: Any) -> None:
     assert "chromium" not in installs(UBUNTU, set(), set())
     assert "chromium" in installs(DEBIAN, set(), set())
-
-
-@pytest.mark.skipif(not shutil.which("apt-get"), reason="needs apt-get")
-def test_apt_takes_what_is_asked_of_a_runner(installs: Any, tmp_path: Path) -> None:
-    """apt-get itself, with a list of packages as a runner's: no chromium, and Docker's containerd, which has a runc."""
-    lists, archive = tmp_path / "apt", tmp_path / "archive"
-    names = [name for name in setup.packages(True, UBUNTU) if name != "runc"]
-    form = "Package: {}\nVersion: 1\nArchitecture: all\nFilename: {}.deb\nSize: 1\nMD5sum: {:032x}\n{}\n"
-    docker = "Conflicts: runc\nProvides: runc\n"
-    rows = [form.format(name, name, 1, "") for name in [*names, "runc"]]
-    rows.append(form.format("containerd.io", "containerd.io", 1, docker))
-    for place in ("lists/partial", "state", "cache/archives/partial", "etc/apt.conf.d", "etc/preferences.d"):
-        (lists / place).mkdir(parents=True)
-    archive.mkdir()
-    (archive / "Packages").write_text("\n".join(rows))
-    (lists / "etc/sources.list").write_text(f"deb [trusted=yes] file:{archive} ./\n")
-    installed = form.replace("Filename: {}.deb\nSize: 1\nMD5sum: {:032x}\n", "Status: install ok installed\n")
-    (lists / "state/status").write_text(installed.format("containerd.io", docker))
-    options = [
-        "-o", f"Dir::Etc={lists}/etc", "-o", f"Dir::State={lists}/state", "-o", f"Dir::State::lists={lists}/lists",
-        "-o", f"Dir::State::status={lists}/state/status", "-o", f"Dir::Cache={lists}/cache",
-        "-o", "APT::Sandbox::User=root",
-    ]  # fmt: skip
-
-    def apt(*words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(["apt-get", "-q", *options, *words], capture_output=True, text=True, check=False)  # noqa: S603, S607
-
-    assert apt("update").returncode == 0
-    simulate = ("install", "--simulate", "--no-install-recommends")
-    taken = apt(*simulate, *installs(UBUNTU, set(), {"runc", "google-chrome"}))
-    assert taken.returncode == 0, taken
-    assert "Inst podman" in taken.stdout
-    assert "Remv" not in taken.stdout
-    # what was asked before: the one fails all of it, the other takes Docker away
-    assert "chromium" in apt(*simulate, "podman", "chromium").stderr
-    assert "Remv containerd.io" in apt(*simulate, "runc").stdout

@@ -48,38 +48,8 @@ def test_the_tasks_have_their_turn_and_are_proven(world: World) -> None:
     assert not {"failed", "turn"} & set(ended)
 
 
-def test_tasks_that_fail_without_a_way_back(world: World) -> None:
-    begun = world.task()
-    ended = world.task(args={"line": begun["line"], "failure": "Install it: no space left"})
-    assert ended["outcome"]["outcome"] == "failed"
-    assert "Install it: no space left" in ended["outcome"]["reason"]
-    assert "what was done stays, as there is no guarded_undo" in ended["outcome"]["reason"]
-    assert "failed" not in ended  # the play goes on
-
-
-def test_tasks_that_fail_are_taken_back(world: World) -> None:
-    back = {"guarded_undo": "/srv/undo.yml"}
-    begun = world.task(**back)
-    undo = world.task(args={"line": begun["line"], "failure": "Install it: no space left"}, **back)
-    assert undo["turn"] == "undo"
-    ended = world.task(args={"line": undo["line"]}, **back)
-    assert (ended["outcome"]["outcome"], ended["outcome"]["reason"]) == ("rolled-back", "Install it: no space left")
-
-
-def test_no_further_wave_begins_after_a_failure(world: World) -> None:
-    begun = world.task()
-    world.task(args={"line": begun["line"], "failure": "no"})
-    later = world.task(ansible_play_batch=["robot2"], ansible_play_hosts_all=["robot1", "robot2"])
-    assert later["outcome"]["outcome"] == "unchanged"
-    assert "not begun: robot1 failed" in later["outcome"]["reason"]
-
-
 def test_a_host_that_is_off_is_deferred(world: World) -> None:
     world.away = True
     ended = world.task()
     assert ended["outcome"]["outcome"] == "deferred-offline"
     assert "nothing was touched" in ended["outcome"]["reason"]
-
-
-def test_check_mode_gives_no_turn(world: World) -> None:
-    assert world.task(check_mode=True)["foreseen"]

@@ -269,20 +269,6 @@ def test_the_services_reply_is_read(ros: Replay) -> None:
 # ---- actions
 
 
-@pytest.mark.parametrize(
-    ("statuses", "verdict", "reason"),
-    [
-        (["never had a goal", "preempted"], PASS, "idle on /worker, seen twice"),
-        (["active"], WAIT, "busy on /worker: 1 ACTIVE"),
-        # the goal was on its way at the first status
-        (["never had a goal", "active"], WAIT, "busy on /worker: 1 ACTIVE"),
-    ],
-)
-def test_idle(ros: Replay, statuses: list[str], verdict: str, reason: str) -> None:
-    ros.statuses = [frames("statuses", name)[1] for name in statuses]
-    assert judge(ros.start(), actions=[{"name": "/work", "state": "idle"}])["action", "/work"] == (verdict, reason)
-
-
 def test_a_status_that_comes_only_once_is_not_idle(ros: Replay) -> None:
     ros.statuses = ros.statuses[:1]
     master = ros.start(timeout=SHORT)

@@ -49,6 +49,3 @@ def test_tools(name: str, tool: bool) -> None:
 )
 def test_renamed(name: str, expected: str) -> None:
     assert renamed(name, {"/old": "/new"}) == expected
-
-
-# ---- conditions
