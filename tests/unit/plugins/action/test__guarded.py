@@ -53,3 +53,11 @@ def test_a_host_that_is_off_is_deferred(world: World) -> None:
     ended = world.task()
     assert ended["outcome"]["outcome"] == "deferred-offline"
     assert "nothing was touched" in ended["outcome"]["reason"]
+
+
+def test_no_further_wave_begins_after_a_failure(world: World) -> None:
+    begun = world.task()
+    world.task(args={"line": begun["line"], "failure": "no"})
+    later = world.task(ansible_play_batch=["robot2"], ansible_play_hosts_all=["robot1", "robot2"])
+    assert later["outcome"]["outcome"] == "unchanged"
+    assert "not begun: robot1 failed" in later["outcome"]["reason"]

@@ -269,6 +269,12 @@ def test_the_services_reply_is_read(ros: Replay) -> None:
 # ---- actions
 
 
+def test_a_goal_that_was_on_its_way_at_the_first_status_is_busy(ros: Replay) -> None:
+    ros.statuses = [frames("statuses", name)[1] for name in ("never had a goal", "active")]
+    busy = (WAIT, "busy on /worker: 1 ACTIVE")
+    assert judge(ros.start(), actions=[{"name": "/work", "state": "idle"}])["action", "/work"] == busy
+
+
 def test_a_status_that_comes_only_once_is_not_idle(ros: Replay) -> None:
     ros.statuses = ros.statuses[:1]
     master = ros.start(timeout=SHORT)
