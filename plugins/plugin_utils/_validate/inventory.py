@@ -83,6 +83,7 @@ GONE = {
     "node_ready_timeout": "k3s_start_timeout",
     "observability_alertmanager_enabled": "observability_alertmanager_config: with one Alertmanager runs",
     "observability_claims_path": _STORAGE,
+    "observability_ros_statistics": "nothing: latency and drops of nodes are no longer measured",
     "preflight_interface": "flannel-iface in k3s_config",
 }
 INSTEAD = {**RIGEL, **GONE}
