@@ -14,7 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, outcome_of, settings
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import VERSIONS, image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
     FAULTS,
     SimulatedHost,
@@ -200,6 +200,30 @@ def test_a_node_that_still_answers_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(SimulatedHost, "ready", answers)
     found = told(sim, wanted, "all")
     assert (found.outcome, "/driver: still registered" in found.reason) == ("failed", True)
+
+
+def test_what_a_killed_process_registered_goes_with_its_app_though_no_keeper_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sim, wanted = fleet(KINDS["replace"])
+    monkeypatch.setattr(Simulation, "reap", lambda _sim, _process: None)
+    (pod,) = sim.of(("robot-robot1", "driver"))
+    pod.version, pod.restarts = VERSIONS["never-starts"], 5
+    sim.crash(pod, pod.restarts)
+    assert "/driver" in sim.registered
+    assert ended(sim, wanted) == ("updated", ["driver"])
+    assert there(sim, "driver") == []
+
+
+def test_what_was_cancelled_is_told_as_far_as_it_is_known() -> None:
+    sim, wanted = fleet(KINDS["replace"])
+    ended(sim, wanted)
+    at = sim.calls.index("ready") + 1
+    sim, wanted = fleet(KINDS["replace"])
+    found = sim.run(wanted, settings(request=ALL), "cancelled", at)
+    assert found is not None
+    assert found.outcome == "failed"
+    assert found.reason.endswith("it is there still, or ending; the next run goes on from there")
 
 
 def test_another_master_is_refused_while_apps_work_and_the_way_there_works() -> None:
