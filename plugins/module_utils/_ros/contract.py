@@ -280,7 +280,8 @@ def untold(graph: Graph, nodes: Sequence[str], intended: Intended) -> dict[str, 
     So many have a rate. A machine that stood still while they were counted hides it, and a next version that sends
     hardly any would be held to nothing.
     """
-    taken, found = _Recorder(graph, nodes, {}, intended), dict[str, str]()
+    taken = _Recorder(graph, nodes, {}, intended)
+    found: dict[str, str] = {}
     for name, topic in taken.contract().topics.items():
         for node, sent in topic.publishers.items() if name not in taken.of_actions else ():
             hz = graph.topic(name).unsteady.get(graph.node(node).key, 0.0)
