@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which parameters of the version before win over those of the inventory. Pure; the server's tree is told to it.
 
-Versions of one app are the nodes `<base>`, where all share the name, or `<base>_<revision>`. What a version that ends
-is to find again, or the next one, it leaves at a place of its own, `<base>_<revision>_kept`, where no node reads it by
+Versions of one app are the nodes `<base>`, where all share the name, or `<base>_<version>`. What a version that ends
+is to find again, or the next one, it leaves at a place of its own, `<base>_<version>_kept`, where no node reads it by
 accident: `values`, and while it works beside others `names`, which tells those that it has taken theirs over. One that
 works beside another and keeps less does not speak for it: should it be taken back, the other one's are there still.
 """
@@ -10,14 +10,14 @@ works beside another and keeps less does not speak for it: should it be taken ba
 from __future__ import annotations
 
 import copy
-import re
 from dataclasses import dataclass, field
 from typing import Any, Collection, Dict, Iterable, Iterator
+
+from .._ros.names import is_version
 
 Values = Dict[str, Any]  # of parameters, by name; a mapping is a namespace
 
 PRIVATE = "~"
-_REVISION = re.compile(r"_[0-9a-f]{8}")
 _PLACE, _NAMES, _VALUES = "_kept", "names", "values"
 _KINDS = ((bool, "true or false"), ((int, float), "a number"), (str, "a text"), (dict, "a mapping"), (list, "a list"))
 
@@ -48,19 +48,19 @@ class Space:
     """The namespace in which the node of one version is, with names relative to it. `keep`: private names alone."""
 
     own: str
-    revision: str
+    version: str
     tree: Values  # its parameters
     registered: Collection[str]  # its nodes
 
     @property
     def base(self) -> str:
-        """The node's name without its revision."""
-        end = f"_{self.revision}"
-        return self.own[: -len(end)] if self.revision and self.own.endswith(end) else self.own
+        """The node's name without its version."""
+        end = f"_{self.version}"
+        return self.own[: -len(end)] if self.version and self.own.endswith(end) else self.own
 
     @property
     def place(self) -> str:
-        return f"{self.base}_{self.revision}{_PLACE}"
+        return f"{self.base}_{self.version}{_PLACE}"
 
     @property
     def at_work(self) -> list[str]:
@@ -68,10 +68,7 @@ class Space:
         return [name for name in self._versions(self.registered) if name != self.own]
 
     def _versions(self, names: Iterable[str]) -> list[str]:
-        base = self.base
-        return sorted(
-            name for name in names if name == base or (name.startswith(base) and _REVISION.fullmatch(name[len(base) :]))
-        )
+        return sorted(name for name in names if is_version(name, self.base))
 
     def source(self) -> Source:
         """The version at work comes first. This one may have been there before, if only as a container that ended."""

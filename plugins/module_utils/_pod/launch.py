@@ -6,11 +6,12 @@ for both, stands alone, and has its types in comments. In what it adds to roslau
 
 * A node that could not be started ends it, as does one that is `required`, with that one's exit code, or 1.
 * A node that is deaf to SIGINT is ended after seconds, not after a quarter of a minute.
-* `--overlap`: the version before is still at work. Every node's name gets this version's revision behind it
-  (`ROSOPS_REVISION`), and so do its private parameters; others read them where they know them (`/camera/fx`), as the
-  version has set them that was started last. Private topics and services stay under the name that others know: `~image`
-  of the node `camera_1a2b3c4d` is `/camera/image`. Which ones a node has the graph says: that of the version before, or
-  the first seconds of this one, after which such a node is started once more.
+* `--overlap`: the version before is still at work. Every node's name gets this pod's version behind it
+  (`ROSOPS_REVISION` and `ROSOPS_TEMPLATE_HASH`), and so do its private parameters; others read them where they know
+  them (`/camera/fx`), as the version has set them that was started last. Private topics and services stay under the
+  name that others know: `~image` of the node `camera_1a2b3c4d_79d9c6f8b5` is `/camera/image`. Which ones a node has the
+  graph says: that of the version before, or the first seconds of this one, after which such a node is started once
+  more.
 * `--replace`: nodes of which there must not be two. They begin when those of the version before have ended.
 
 Sources: roslaunch 1.12 to 1.15 (`parent.py`, `pmon.py`, `launch.py`), wiki.ros.org/Names, wiki.ros.org/nodelet.
@@ -38,7 +39,7 @@ LOGGERS = frozenset(("get_loggers", "set_logger_level"))
 MANAGER = LOGGERS | frozenset(("load_nodelet", "unload_nodelet", "list", "bond"))
 # What roslaunch itself sets for the whole graph.
 GRAPH_PARAMS = frozenset(("/rosdistro", "/rosversion", "/run_id", "/rosout"))
-SUFFIX = re.compile(r"_[0-9a-f]{8}(?=/|\Z)")
+SUFFIX = re.compile(r"_[0-9a-f]{8}(?:_[bcdfghjklmnpqrstvwxz2456789]{1,10})?(?=/|\Z)")  # `_ros/names.py` explains it
 
 INTERRUPT, TERMINATE = 5.0, 2.0  # s that a node has to end after SIGINT, and then after SIGTERM
 LOOK = 0.5  # s between two looks at the graph, while there is something to look for
@@ -48,7 +49,7 @@ ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 
 
 def stable(name):  # type: (str) -> str
-    """A graph name without revisions: `/camera_1a2b3c4d/image` is `/camera/image`."""
+    """A graph name without versions: `/camera_1a2b3c4d_79d9c6f8b5/image` is `/camera/image`."""
     return SUFFIX.sub("", name)
 
 
@@ -65,10 +66,10 @@ def named(name, nodes):  # type: (str, Iterable[str]) -> List[str]
 
 
 class Names(object):
-    """The nodes of a launch file, by the names that they have in it, and what they are called with this revision."""
+    """The nodes of a launch file, by the names that they have in it, and what they are called in this version."""
 
-    def __init__(self, nodes, revision):  # type: (Iterable[str], str) -> None
-        self.nodes, self.suffix = sorted(nodes), "_" + revision if revision else ""
+    def __init__(self, nodes, version):  # type: (Iterable[str], str) -> None
+        self.nodes, self.suffix = sorted(nodes), "_" + version if version else ""
 
     def moved(self, name):  # type: (str) -> str
         """The name of a node, or of a parameter that is private to one, in this version."""
@@ -160,7 +161,8 @@ class Options(object):
         files = [word for word in words if word not in said and ":=" not in word]
         self.files = [package + [name] for name in files]  # as roslaunch takes them
         self.held = [word[len("--replace=") :] for word in said if word.startswith("--replace=")]
-        self.revision = environ.get("ROSOPS_REVISION", "") if "--overlap" in said else ""
+        version = [environ.get("ROSOPS_" + word) for word in ("REVISION", "TEMPLATE_HASH")]
+        self.version = "_".join(filter(None, version)) if "--overlap" in said else ""
 
 
 clock = getattr(time, "monotonic", time.time)  # a robot without a battery sets its clock just when pods start
@@ -221,7 +223,7 @@ class Master(object):
 
 
 def launch_of(roslaunch, master, options):  # type: (Any, Master, Options) -> Any
-    """The class of roslaunch's own launch, with names of this revision."""
+    """The class of roslaunch's own launch, with names of this version."""
     from rosgraph.names import ns_join, resolve_name
     from roslaunch.core import Param, RLException, is_machine_local
 
@@ -234,9 +236,9 @@ def launch_of(roslaunch, master, options):  # type: (Any, Master, Options) -> An
             elsewhere = [name for name, node in self.by_name.items() if not is_machine_local(node.machine)]
             if elsewhere:
                 raise RLException("%s would be started on other machines" % ", ".join(sorted(elsewhere)))
-            self.names = Names([name for name in self.by_name if not anonymous.search(name)], options.revision)
+            self.names = Names([name for name in self.by_name if not anonymous.search(name)], options.version)
             self.held = self._held()  # type: List[str]
-            if options.revision:
+            if options.version:
                 self._take_names()
             self.config.nodes = [node for name, node in self.by_name.items() if name not in self.held]
 
@@ -259,7 +261,7 @@ def launch_of(roslaunch, master, options):  # type: (Any, Master, Options) -> An
 
         def _held(self):  # type: () -> List[str]
             found = []  # type: List[str]
-            for word in options.held if options.revision else ():
+            for word in options.held if options.version else ():
                 meant = named(word, self.names.nodes)
                 if not meant:
                     known = ", ".join(self.names.nodes)
@@ -399,7 +401,7 @@ def main(words):  # type: (Sequence[str]) -> int
         if launch.absent():
             launch.shutdown()
             raise roslaunch.RLException(launch.why_absent(told))
-        if options.revision:
+        if options.version:
             attend(launch, master, Waiting(master.address_of))
         launch.pm.registrations_complete()
         launch.spin()
@@ -407,7 +409,7 @@ def main(words):  # type: (Sequence[str]) -> int
         sys.stderr.write("rosops.fleet: %s\n" % error)
         deaths.code = 1
     if launch is not None and launch.server_uri:
-        own = [launch.names.moved(full) for full in launch.names.nodes] if options.revision else []
+        own = [launch.names.moved(full) for full in launch.names.nodes] if options.version else []
         master.forget(own, launch.server_uri)
     return deaths.code
 

@@ -17,7 +17,7 @@ from .._common.errors import RefusalError, RosError
 from .._ros.client import Ros1Client
 from .._ros.rpc import Request
 from .kept_params import PRIVATE, Space, Values, full, merge
-from .state import CALLER, Settings, load_settings, ros_of
+from .state import CALLER, Settings, load_settings, ros_of, version_of
 
 SECONDS = 5.0  # for the master
 
@@ -26,10 +26,10 @@ def assignments(settings: Settings) -> Values:
     return {full(name, settings.node): value for name, value in settings.params.items()}
 
 
-def leavings(settings: Settings, revision: str) -> list[str]:
+def leavings(settings: Settings, version: str) -> list[str]:
     """What has to go with the node: names of parameters, or of a namespace of them."""
     node = settings.node
-    if revision and node.endswith(f"_{revision}"):
+    if version and node.endswith(f"_{version}"):
         return [node]
     return [full(name, node) for name in settings.params if name.startswith(PRIVATE)]
 
@@ -42,7 +42,7 @@ def set_all(environ: Mapping[str, str]) -> str:
     try:
         ros = ros_of(environ, SECONDS)
         if settings.keep_params:
-            wanted, spent = _with_kept(wanted, settings, environ.get("ROSOPS_REVISION", ""), ros)
+            wanted, spent = _with_kept(wanted, settings, version_of(environ), ros)
         results = ros.calls(_change(spent, wanted))
     except RosError as error:
         return str(error)
@@ -52,13 +52,13 @@ def set_all(environ: Mapping[str, str]) -> str:
 
 def forget(settings: Settings, seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    revision = os.environ.get("ROSOPS_REVISION", "")
+    version = version_of(os.environ)
     keep = [name for name in settings.keep_params if name.startswith(PRIVATE)]
-    names = leavings(settings, revision)
+    names = leavings(settings, version)
     left: Values = {}
     if keep:
         seconds /= 2  # a question, and what follows from it
-        space, _public = _look(ros_of(os.environ, seconds), settings.node, revision, [])
+        space, _public = _look(ros_of(os.environ, seconds), settings.node, version, [])
         names.append(_whole(space.place, settings.node))
         left = {_whole(name, settings.node): value for name, value in space.left(keep).items()}
     if names:
@@ -74,10 +74,10 @@ def _whole(name: str, node: str) -> str:
     return f"{node.rpartition('/')[0]}/{name}"
 
 
-def _with_kept(given: Values, settings: Settings, revision: str, ros: Ros1Client) -> tuple[Values, list[str]]:
+def _with_kept(given: Values, settings: Settings, version: str, ros: Ros1Client) -> tuple[Values, list[str]]:
     """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
     node, keep = settings.node, [name for name in settings.keep_params if name.startswith(PRIVATE)]
-    space, public = _look(ros, node, revision, [name for name in settings.keep_params if name not in keep])
+    space, public = _look(ros, node, version, [name for name in settings.keep_params if name not in keep])
     source = space.source()
     found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
     merged = merge(given, {**public, **found}, node)
@@ -93,7 +93,7 @@ def _with_kept(given: Values, settings: Settings, revision: str, ros: Ros1Client
     return {**merged.values, **claim}, [_whole(name, node) for name in space.spent(taken, source)]
 
 
-def _look(ros: Ros1Client, node: str, revision: str, public: Sequence[str]) -> tuple[Space, Values]:
+def _look(ros: Ros1Client, node: str, version: str, public: Sequence[str]) -> tuple[Space, Values]:
     """The node's namespace as the server has it, and those of these parameters that are there."""
     parent, _slash, own = node.rpartition("/")
     names = [parent or "/", *public]
@@ -104,5 +104,5 @@ def _look(ros: Ros1Client, node: str, revision: str, public: Sequence[str]) -> t
     tree, *values = [None if isinstance(value, RosError) else value for value in values]
     nodes = [name.rpartition("/") for name in ros.state_of(state).nodes()]
     registered = [name for where, _slash, name in nodes if where == parent]
-    space = Space(own, revision, tree if isinstance(tree, dict) else {}, registered)
+    space = Space(own, version, tree if isinstance(tree, dict) else {}, registered)
     return space, {name: value for name, value in zip(public, values) if value is not None}

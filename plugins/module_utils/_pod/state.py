@@ -22,7 +22,7 @@ Said = TypeVar("Said")
 
 @dataclass(frozen=True)
 class Settings:
-    """Of the app, as `pod_settings.py` of the control node writes them; names are whole ones of this revision."""
+    """Of the app, as `pod_settings.py` of the control node writes them; names are whole ones of this version."""
 
     node: str
     expect_node: bool = False  # the app's node has that name; others are found by the pod's address
@@ -60,6 +60,11 @@ def load_settings(environ: Mapping[str, str]) -> Settings:
     actions = [resolve(action, node=node) for action in found.actions]
     rates = {resolve(topic, node=node): hz for topic, hz in found.min_rates.items()}
     return replace(found, node=node, actions=actions, min_rates=rates)
+
+
+def version_of(environ: Mapping[str, str]) -> str:
+    """What is behind the names of this pod's nodes, where versions of its app overlap (`_ros/names.py`)."""
+    return "_".join(filter(None, (environ.get("ROSOPS_REVISION"), environ.get("ROSOPS_TEMPLATE_HASH"))))
 
 
 def state_file(node: str) -> str:

@@ -9,11 +9,11 @@ good. Whoever had the message from the node itself does not get it again: a goal
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
 from .._ros.contract import ACTION_TOPICS
+from .._ros.names import stem
 
 SETTLE = 2.0  # seconds for the next publisher to latch by itself what it knows
 EXPIRES = 600.0  # seconds without one
@@ -21,13 +21,6 @@ WAIT, OFFER, DROP = "wait", "offer", "drop"
 
 # What every version latches anew at its start: dynamic_reconfigure's, and what is logged.
 _OWN = ("/parameter_descriptions", "/parameter_updates")
-# Two versions that overlap have names of their own, which end so.
-_REVISION = re.compile(r"_[0-9a-f]{8}\Z")
-
-
-def stem(node: str) -> str:
-    """The node's name without its revision."""
-    return _REVISION.sub("", node)
 
 
 def worth_keeping(published: Iterable[str], subscribed: Iterable[str]) -> list[str]:

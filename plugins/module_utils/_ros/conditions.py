@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, fields
-from typing import Any, Callable, TypeVar
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Callable, Mapping, TypeVar
 
 from .._common.documents import Data, Document
 from .._common.errors import SpecError
-from .names import resolve
+from .names import renamed, resolve
 
 
 def _each(**options: Document) -> Data:
@@ -153,6 +153,22 @@ class Conditions:
     absent: tuple[str, ...] = ()
     edges: tuple[EdgeCondition, ...] = ()
     values: tuple[ValueCondition, ...] = ()
+
+    def renamed(self, renames: Mapping[str, str]) -> Conditions:
+        """The same after nodes' renaming. What messages say is left as it is."""
+        parts = {one.name: _renamed(getattr(self, one.name), renames) for one in fields(self)}
+        return replace(Conditions(**parts), values=self.values)
+
+
+def _renamed(part: Any, renames: Mapping[str, str]) -> Any:
+    """A part of conditions. Nothing in it but a graph name begins with a slash."""
+    if isinstance(part, str):
+        return renamed(part, renames)
+    if isinstance(part, tuple):
+        return tuple(_renamed(one, renames) for one in part)
+    if is_dataclass(part):
+        return type(part)(**{one.name: _renamed(getattr(part, one.name), renames) for one in fields(part)})
+    return part
 
 
 def conditions_from(params: Document) -> Conditions:

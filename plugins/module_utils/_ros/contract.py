@@ -18,12 +18,12 @@ Pure.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Iterable, Mapping, Sequence, Tuple, TypeVar
+from typing import Callable, Iterable, Mapping, Sequence, Tuple, TypeVar
 
 from .._common.documents import Data, Document
 from .arrivals import DENSE
 from .graph import ANY_TYPE, Graph, NodeKey, Topic, names_of
-from .names import is_tool, matches, renamed
+from .names import by_revision, is_tool, matches, renamed
 
 Edge = Tuple[str, str, str]  # publisher, topic, subscriber
 _Any = TypeVar("_Any")
@@ -152,9 +152,10 @@ class Contract:
 
     def renamed(self, renames: Mapping[str, str]) -> Contract:
         """Every graph name in it after the nodes' renaming."""
+        return self.called(lambda name: renamed(name, renames))
 
-        def new(name: str) -> str:
-            return renamed(name, renames)
+    def called(self, new: Callable[[str], str]) -> Contract:
+        """With another name for each in it."""
 
         def keyed(found: Mapping[str, _Any]) -> dict[str, _Any]:
             return {new(name): one for name, one in found.items()}
@@ -170,7 +171,7 @@ class Contract:
             services=keyed(self.services),
             actions=tuple(map(new, self.actions)),
             edges=tuple((new(one), new(topic), new(other)) for one, topic, other in self.edges),
-            others=self.others.renamed(renames) if self.others else None,
+            others=self.others.called(new) if self.others else None,
         )
 
     def owed(self, intended: Intended) -> Contract:
@@ -226,7 +227,14 @@ class Contract:
 
     @classmethod
     def from_dict(cls, data: Document) -> Contract:
-        """What is missing is not owed. AttributeError, TypeError or ValueError where it is no contract."""
+        """What is missing is not owed. AttributeError, TypeError or ValueError where it is no contract.
+
+        Whatever pod's names it was written with, they are those of revisions: others of the same may have come since.
+        """
+        return cls._from_dict(data).called(by_revision)
+
+    @classmethod
+    def _from_dict(cls, data: Document) -> Contract:
         return cls(
             data.get("node") or "",
             tuple(data.get("nodes") or ()),
@@ -236,7 +244,7 @@ class Contract:
             {name: Definition.from_dict(one) for name, one in (data.get("services") or {}).items()},
             tuple(data.get("actions") or ()),
             tuple((one, topic, other) for one, topic, other in data.get("edges") or ()),
-            cls.from_dict(data["others"]) if data.get("others") else None,
+            cls._from_dict(data["others"]) if data.get("others") else None,
             str(data.get("revision") or ""),
             data.get("tolerance", TOLERANCE),
             bool(data.get("install")),

@@ -26,6 +26,7 @@ from .checks import (
 )
 from .conditions import Conditions, TopicCondition
 from .graph import Graph, Handshake, Rate
+from .names import by_pod
 
 # Gate and startup probe count for the same time, so that what one of them lets pass is no surprise to the other. In a
 # second, a publisher that is 10 ms late is within checks.RATE_TOLERANCE; a slow one needs longer.
@@ -63,6 +64,20 @@ def questions(state: MasterState, conditions: Conditions) -> Questions:
         tuple(dict.fromkeys(name for name in conditions.services if name in state.services)),
         tuple(dict.fromkeys(action.name for action in conditions.actions)),
     )
+
+
+def in_pods(ros: Backend, state: MasterState, conditions: Conditions) -> Conditions:
+    """The conditions with the names that the nodes of revisions have now, each in its pod.
+
+    While one pod of a revision takes another's place there are two, of which one that lives is meant. What is to be
+    absent is so in all pods.
+    """
+    pods = by_pod(state.nodes())
+    several = [name for names in pods.values() for name in names if len(names) > 1]
+    graph = ros.ask(state, Questions(dict.fromkeys(several, frozenset()))) if several else state.graph
+    now = {name: max(names, key=lambda one: graph.node(one).reachable) for name, names in pods.items()}
+    absent = tuple(one for name in conditions.absent for one in pods.get(name, [name]))
+    return replace(conditions.renamed(now), absent=absent)
 
 
 def _asks_peers(topic: TopicCondition) -> bool:
@@ -178,20 +193,23 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
     hear what messages say, if any are asked for.
     """
     silence = silence or Silence()
-    seconds, only = rate_plan(conditions)
 
-    def seen(rates: Mapping[str, Rate] | None = None, said: Said | None = None) -> tuple[Graph, list[Check]]:
+    def seen(
+        rates: Mapping[str, Rate] | None = None, said: Said | None = None
+    ) -> tuple[Graph, Conditions, list[Check]]:
         state = ros.state(types=any(topic.type for topic in conditions.topics))
-        began = silence.now()
-        graph = silence.noted(ros.ask(state, questions(state, conditions)), began)
-        return graph, [Check("master", ros.uri, PASS, "answers"), *evaluate(graph, conditions, rates, said, ears)]
+        wanted, began = in_pods(ros, state, conditions), silence.now()
+        graph = silence.noted(ros.ask(state, questions(state, wanted)), began)
+        checks = evaluate(graph, wanted, rates, said, ears)
+        return graph, wanted, [Check("master", ros.uri, PASS, "answers"), *checks]
 
     try:
-        graph, checks = seen()
+        graph, wanted, checks = seen()
         streamed = [check for check in checks if check.kind in _STREAMED]
         if streamed and all(check.verdict == PASS for check in checks if check not in streamed):
+            seconds, only = rate_plan(wanted)
             rates = ros.rates(_by(graph, only), seconds) if seconds else {}
-            _graph, checks = seen(rates, handshakes(ros, graph, conditions))
+            _graph, _wanted, checks = seen(rates, handshakes(ros, graph, wanted))
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)
     return Look(overall([check.verdict for check in checks]), checks)

@@ -11,6 +11,8 @@ from functools import cached_property
 from typing import Collection, Iterable, Mapping, NamedTuple, Tuple
 from urllib.parse import urlsplit
 
+from .names import is_meant
+
 ANY_TYPE = "*"  # what a node says that takes any message type
 # s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
 # come, answers within a fraction of that.
@@ -302,7 +304,8 @@ class Graph:
         if not nodes:
             return self
         own = {
-            name: [key for key, _peer in topic.connections if key.name in nodes] for name, topic in self.topics.items()
+            name: [key for key, _peer in topic.connections if is_meant(key.name, nodes)]
+            for name, topic in self.topics.items()
         }
         topics = self.published_by(own).topics.items()
         return replace(self, topics={name: topic for name, topic in topics if topic.publishers})

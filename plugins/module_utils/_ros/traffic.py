@@ -8,7 +8,6 @@ be connected in every look, by the publishers' word, be it by the old or by the 
 
 from __future__ import annotations
 
-import re
 import struct
 import threading
 import time
@@ -22,11 +21,10 @@ from .backend import Questions
 from .client import Ros1Client
 from .graph import Graph
 from .messages import HEADER, Definition
-from .names import is_keeper
+from .names import is_keeper, stem
 from .streams import Source, Streams
 
 LOGS = ("/rosout", "/rosout_agg")
-REVISION = re.compile(r"_[0-9a-f]{8}\Z")  # what tells the nodes of two versions of an app apart
 NUMBERS = 1 << 32
 
 
@@ -40,15 +38,10 @@ def has_number(header: Mapping[str, str]) -> bool:
     return bool(fields) and fields[0].kind == HEADER and not fields[0].is_list
 
 
-def app_of(node: str) -> str:
-    """The node's name without its revision."""
-    return REVISION.sub("", node)
-
-
 def _listening(topic: ros.Topic) -> set[str]:
     """Apps that are connected. Who only looks, such as an update's gate or this account itself, is not registered."""
     peers = (peer for _publisher, peer in topic.connections if peer in topic.subscribers)
-    return {app_of(peer.name) for peer in peers if not is_keeper(peer.name)}
+    return {stem(peer.name) for peer in peers if not is_keeper(peer.name)}
 
 
 @dataclass

@@ -54,6 +54,7 @@ def test_whose_parameters_are_kept(own: str, there: list[str], registered: list[
         (TWO, [TWO, "arm"], ["arm"], Source("arm")),  # the one before had no name of its own
         ("arm", ["arm"], [], Source("arm")),
         ("arm", ["arm", TWO], [TWO], Source(TWO)),  # the one before had one
+        (TWO, [f"{TWO}_4", "arm"], [f"{TWO}_4"], Source(f"{TWO}_4")),  # another pod of the same revision
     ],
 )
 def test_another_handoff_and_one_begun_again(own: str, there: list[str], registered: list[str], source: Source) -> None:

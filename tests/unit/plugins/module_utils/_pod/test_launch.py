@@ -30,6 +30,7 @@ def node(package: str = "base", args: str = "", remaps: Any = ()) -> Any:
     [
         ("/camera_1a2b3c4d", "/camera"),
         ("/camera_1a2b3c4d/image", "/camera/image"),
+        ("/camera_1a2b3c4d_79d9c6f8b5/image", "/camera/image"),
         ("/front/lidar_99999999", "/front/lidar"),
         ("/camera_1a2b3c4de", "/camera_1a2b3c4de"),  # longer, or in capitals: somebody else's name
         ("/camera_1A2B3C4D", "/camera_1A2B3C4D"),
@@ -57,8 +58,9 @@ def test_a_node_and_its_private_parameters_move(name: str, moved: str) -> None:
 
 
 def test_the_version_before_is_known_by_its_names() -> None:
-    there = ["/camera_99999999", "/camera_1a2b3c4d", "/front/lidar", "/other_99999999", "/rosout"]
-    assert NAMES.before(there) == {"/camera_99999999", "/front/lidar"}
+    again = "/camera_1a2b3c4d_4"  # another pod of the revision
+    there = ["/camera_99999999", "/camera_1a2b3c4d", again, "/front/lidar", "/other_99999999", "/rosout"]
+    assert NAMES.before(there) == {"/camera_99999999", again, "/front/lidar"}
 
 
 def test_private_names_are_learnt_from_the_graph() -> None:
@@ -117,9 +119,11 @@ def test_options_stand_before_the_launch_files_own() -> None:
     words = ["--overlap", "--replace=lidar", "--replace=/front/arm", "--package=base", "a.launch", "b.launch", "x:=1"]
     found = launch.Options(words, {"ROSOPS_REVISION": REVISION})
     assert (found.files, found.held) == ([["base", "a.launch"], ["base", "b.launch"]], ["lidar", "/front/arm"])
-    assert found.revision == REVISION
-    found = launch.Options(["/srv/a.launch"], {"ROSOPS_REVISION": REVISION})
-    assert (found.files, found.held, found.revision) == ([["/srv/a.launch"]], [], "")
+    assert found.version == REVISION  # of a pod from before
+    environ = {"ROSOPS_REVISION": REVISION, "ROSOPS_TEMPLATE_HASH": "79d9c6f8b5"}
+    assert launch.Options(words, environ).version == f"{REVISION}_79d9c6f8b5"
+    found = launch.Options(["/srv/a.launch"], environ)
+    assert (found.files, found.held, found.version) == ([["/srv/a.launch"]], [], "")
 
 
 @pytest.mark.parametrize(

@@ -332,3 +332,11 @@ def test_what_cannot_be_told_is_as_it_was(now: float, rate: float | None, publis
         found = as_before(graph_from(of), [OLD], contract)
         assert {key.name: hz for key, hz in found.topic("/temperature").rates.items()} == ({OLD: rate} if rate else {})
     assert as_before(graph_from(of), [OLD], Contract()).topics == graph_from(of).topics
+
+
+def test_it_is_read_with_the_names_of_revisions_whatever_pod_it_was_written_of() -> None:
+    made = recorded(graph_from(graph()), [OLD, STATS_OLD], {OLD: NEW, STATS_OLD: STATS_NEW})
+    made = Contract.from_dict({**made.as_dict(), "others": made.as_dict()})
+    written = json.dumps(made.as_dict()).replace(NEW, f"{NEW}_79d9c6f8b5").replace(STATS_NEW, f"{STATS_NEW}_4")
+    assert written.count("_79d9c6f8b5") > 10
+    assert Contract.from_dict(json.loads(written)) == made

@@ -592,6 +592,60 @@ def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
     assert "nothing listens" in str(seen.unmet[0])
 
 
+REVISION, ONE, TWO, OTHER = "/a_1a2b3c4d", "/a_1a2b3c4d_4", "/a_1a2b3c4d_5", "/b_99999999_6"
+
+
+class Pods(FakeRos):
+    """Pods of a revision, each with its node, of which some live."""
+
+    def __init__(self, alive: list[str], dead: list[str]) -> None:
+        super().__init__(graph())
+        self.alive, self.there = alive, (*alive, *dead, OTHER)
+
+    def state(self, types: bool = False) -> MasterState:
+        del types
+        own = {f"{name}/debug": (name,) for name in self.there}
+        return MasterState({"/t": self.there, **own}, {"/t": ("/c",)}, {f"{ONE}/reset": (ONE,)})
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+        self.asked.append((state, wanted))
+        bus = [[1, "/c", "o", "TCPROS", "/t", True]]
+        answers = {
+            name: NodeAnswer(f"http://{name[1:]}:1/", 1, bus=bus)
+            if name in (*self.alive, OTHER, "/c")
+            else NodeAnswer(f"http://{name[1:]}:1/", error="dead", refused=True)
+            for name in wanted.nodes
+        }
+        probes = {name: ServiceProbe("rosrpc://x:1", ONE) for name in wanted.services}
+        return build(state, answers, probes)
+
+
+@pytest.mark.parametrize(("alive", "dead"), [([ONE], []), ([ONE], [TWO]), ([ONE], ["/a_1a2b3c4d_2"])])
+def test_a_revisions_name_means_the_node_of_its_pod_that_lives(alive: list[str], dead: list[str]) -> None:
+    wanted = Conditions(
+        nodes=(REVISION, OTHER),
+        topics=(TopicCondition("/t", publisher=REVISION), TopicCondition(f"{REVISION}/debug")),
+        services=(f"{REVISION}/reset",),
+        edges=(EdgeCondition(REVISION, "/t", "/c"),),
+    )
+    ros = Pods(alive, dead)
+    seen = look(ros, wanted)
+    assert (seen.verdict, seen.unmet) == (PASS, [])
+    found = [check.name for check in seen.checks if check.kind in ("node", "service", "topic")]
+    assert found == [ONE, OTHER, "/t", f"{ONE}/debug", f"{ONE}/reset"]
+    assert len(ros.asked) == 1 + bool(dead)
+    assert look(Pods([], [ONE]), wanted).verdict == WAIT
+    another = Check("node", "/a_99999999", WAIT, "not registered with the master")
+    assert look(ros, Conditions(nodes=("/a_99999999",))).unmet == [another]
+
+
+@pytest.mark.parametrize(
+    ("alive", "dead", "verdict"), [([], [], PASS), ([ONE], [], WAIT), ([TWO], [ONE], WAIT), ([], [ONE, TWO], PASS)]
+)
+def test_a_revision_is_absent_in_all_its_pods(alive: list[str], dead: list[str], verdict: str) -> None:
+    assert look(Pods(alive, dead), Conditions(absent=(REVISION,))).verdict == verdict
+
+
 def test_without_a_master_every_condition_is_unmet_and_named() -> None:
     wanted = Conditions(
         ("/n",),

@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     StatusReading,
     Topic,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from, with_revisions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
     DEAD,
@@ -26,6 +26,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
     recorded_state,
 )
 
+REVISION, STATUS = "/cam_1a2b3c4d", StatusReading(((3,), (3, 1)))
 DEAD_NODE = {
     "uri": "http://127.0.0.1:9/", "pid": None, "reachable": False, "error": "nothing listens at http://127.0.0.1:9/",
     "refused": True, "publications": ["/rosout"], "subscriptions": ["/chatter"],
@@ -43,7 +44,7 @@ WORK = {
 
 
 def test_the_graph_as_json() -> None:
-    statuses = {"/work": {"/worker": StatusReading(((3,), (3, 1)))}}
+    statuses = {"/work": {"/worker": STATUS}}
     probes = {
         "/trigger": ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger", md5sum="93"),
         "/relay/get_loggers": ServiceProbe("rosrpc://h:2", error="nothing listens at rosrpc://h:2"),
@@ -77,6 +78,23 @@ def test_the_graph_as_json() -> None:
     assert (asked["md5sum"], asked["connections"], asked["up"]) == ("93", 2, True)
     assert services["/relay/get_loggers"]["up"] is False
     assert (services["/rosout/get_loggers"]["up"], services["/rosout/get_loggers"]["connections"]) == (False, None)
+
+
+def test_the_graph_by_the_names_of_revisions() -> None:
+    """Where it has two pods of one these are two nodes of one name."""
+    plain = json.dumps(graph_data(build(recorded_state(), recorded_answers(), {}, {"/work": {"/worker": STATUS}})))
+    for name, version in (("/talker_a", "1a2b3c4d"), ("/worker", "99999999")):
+        plain = plain.replace(f'"{name}', f'"{name}_{version}')
+    of_pods = plain.replace("_1a2b3c4d", "_1a2b3c4d_79d9c6f8b5").replace("_99999999", "_99999999_4")
+    assert graph_data(with_revisions(graph_from(json.loads(of_pods)))) == json.loads(plain)
+    one, two = (Node(f"/cam_1a2b3c4d_{number}", f"http://{number}/", 7) for number in (4, 5))
+    topic = Topic("/image", publishers=(one.key, two.key), rates={two.key: 5.0})
+    found = with_revisions(Graph({node.key: node for node in (one, two)}, {"/image": topic}))
+    assert [(node.name, node.uri) for node in found.named("/cam_1a2b3c4d")] == [
+        (REVISION, one.uri),
+        (REVISION, two.uri),
+    ]
+    assert found.topics["/image"].rates == {NodeKey(REVISION, two.uri): 5.0}
 
 
 def test_a_node_that_answers_later_takes_its_place_everywhere() -> None:
@@ -119,6 +137,9 @@ def test_who_is_listened_to() -> None:
     )
     assert graph.heard() is graph
     assert {name: topic.publishers for name, topic in graph.heard(["/a"]).topics.items()} == {"/heard": (a,)}
+    pod = NodeKey("/a_1a2b3c4d_4")
+    of_pod = Graph({}, {"/heard": Topic("/heard", publishers=(pod,), connections=((pod, c),))})
+    assert of_pod.heard(["/a_1a2b3c4d"]).topics == of_pod.topics
     alone = graph.published_by({"/heard": [b], "/none": [a]}).topics
     assert {name: topic.publishers for name, topic in alone.items()} == {"/heard": (b,), "/lazy": (a,)}
 

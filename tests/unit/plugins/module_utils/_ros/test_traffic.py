@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, Node, NodeKey, Topic
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Stream, Traffic, app_of, has_number
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Stream, Traffic, has_number
 
 SCAN, OLD, NEW, MAP, MAP2 = "/scan", "/lidar_00000001", "/lidar_00000002", "/mapping_0000000a", "/mapping_0000000b"
 HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"
@@ -124,9 +124,3 @@ def test_logs_and_topics_without_a_listener_are_none_of_it() -> None:
 )
 def test_a_number_is_that_of_a_header_at_the_beginning(text: str, numbered: bool) -> None:
     assert has_number({"type": "demo/Scan", "message_definition": text}) is numbered
-
-
-def test_an_app_s_name_has_no_revision() -> None:
-    assert (app_of("/robot1/lidar_0123abcd"), app_of("/lidar_old"), app_of("/lidar")) == (
-        "/robot1/lidar", "/lidar_old", "/lidar",
-    )  # fmt: skip
