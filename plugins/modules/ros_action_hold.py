@@ -140,6 +140,7 @@ from ..module_utils._ros.conditions import VALUE_ARGS, Conditions, conditions_fr
 from ..module_utils._ros.gate import Look, look
 from ..module_utils._ros.keeper_client import TIMEOUT, KeeperCalls
 from ..module_utils._ros.listener import Listener
+from ..module_utils._ros.names import is_meant
 from ..module_utils._ros.rpc import in_parallel, tell_publishers
 
 CALLER = "/rosops_fleet_step"
@@ -172,9 +173,14 @@ class Robot:
         return Seen(seen.verdict, seen)
 
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
-        return _at_once(
-            {name: partial(self.keeper.hold, name, server, self.seconds) for name, server in servers.items()}
-        )
+        return _at_once({name: partial(self._hold, name, server) for name, server in servers.items()})
+
+    def _hold(self, action: str, server: str) -> str:
+        return self.keeper.hold(action, self._now(action, server), self.seconds)
+
+    def _now(self, action: str, server: str) -> str:
+        """What the server is called in its pod."""
+        return next((one for one in self.ros.state().servers(action) if is_meant(one, [server])), server)
 
     def release(self, actions: Iterable[str]) -> Mapping[str, str]:
         return _at_once({name: partial(self.keeper.release, name) for name in actions})
@@ -182,7 +188,7 @@ class Robot:
     def isolate(self, action: str, server: str) -> None:
         """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
         with contextlib.suppress(OSError, RosError):  # whatever comes through after all shows in the next look
-            for uri in self.ros.addresses([server])[0].values():
+            for uri in self.ros.addresses([self._now(action, server)])[0].values():
                 tell_publishers(uri, f"{action}/goal", [], self.ros.timeout)
 
 

@@ -100,6 +100,7 @@ from ..module_utils._common.errors import FleetError, SpecError
 from ..module_utils._ros import registrations
 from ..module_utils._ros.client import ROS_ARGS
 from ..module_utils._ros.graph_json import graph_from
+from ..module_utils._ros.names import by_revision, is_meant
 from ..module_utils._ros.registrar import Registrar
 from ..module_utils._ros.registrations import Entry, Plan
 
@@ -119,16 +120,17 @@ def plan_present(ros: Registrar, present: dict[str, Entry], graph: Any, nodes: l
         recorded = registrations.from_graph(graph_from(graph))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SpecError(f"graph: it is not one of ros_graph_info: {error!r}") from error
-    wanted = {name: entry for name, entry in recorded.items() if not nodes or name in nodes}
+    wanted = {name: entry for name, entry in recorded.items() if not nodes or is_meant(name, nodes)}
     need = registrations.missing(wanted, present, take_services=True)
     plan = registrations.restore(need, present, ros.ask(need))
-    unknown = {name: "it is not in the graph" for name in nodes if name not in recorded}
+    known = {*recorded, *map(by_revision, recorded)}
+    unknown = {name: "it is not in the graph" for name in nodes if name not in known}
     return Plan(plan.calls, {**plan.skipped, **unknown})
 
 
 def plan_absent(ros: Registrar, present: dict[str, Entry], nodes: list[str]) -> Plan:
     """What to remove: of nodes that are gone twice. Nodes that nobody named and that live are not worth a word."""
-    asked = {name: entry for name, entry in present.items() if not nodes or name in nodes}
+    asked = {name: entry for name, entry in present.items() if not nodes or is_meant(name, nodes)}
     seconds = max(ros.timeout, UNREACHABLE)
     first = ros.ask(asked, seconds, own_word=False)
     suspects = {name: entry for name, entry in asked.items() if registrations.gone(entry, first[name])}

@@ -93,13 +93,18 @@ def own_nodes(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNod
     return [OwnNode(node.name, node.uri, uris[node.name], settings) for node in found], ""
 
 
+def places(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:
+    """Name -> address of all nodes of the robot."""
+    space = f"{settings.space.rstrip('/')}/"
+    return ros.addresses([name for name in state.nodes() if name.startswith(space)])[0]
+
+
 def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:
     """Name -> address of all nodes that are registered from this pod. None of them is asked."""
-    space = f"{settings.space.rstrip('/')}/"
-    known = ros.addresses([name for name in state.nodes() if name.startswith(space)])[0]
-    places = {host_of(uri): uri for uri in known.values()}
+    known = places(ros, settings, state)
+    hosts = {host_of(uri): uri for uri in known.values()}
     # all at once, and not for ever: a robot that is away from its resolver looks laptops' names up in vain
-    here = in_parallel({host: partial(is_here, uri) for host, uri in places.items()}, ros.timeout, lambda *_: False)
+    here = in_parallel({host: partial(is_here, uri) for host, uri in hosts.items()}, ros.timeout, lambda *_: False)
     found = {name: uri for name, uri in known.items() if here[host_of(uri)]}
     if settings.host_network:  # then the address is that of others, too
         return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}

@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Callable, Collection, Iterable, Mapping, Sequence
@@ -20,17 +20,28 @@ from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend, MasterState, Questions
 from .._ros.checks import Check
 from .._ros.client import Ros1Client
-from .._ros.contract import Contract
+from .._ros.contract import Contract, Intended, record
 from .._ros.gate import Silence, rate_window
 from .._ros.graph import Graph, Node, host_of
-from .._ros.names import is_tool
+from .._ros.names import by_pod, by_revision, is_tool, is_version, stem
 from .._ros.roslaunch import Child, children, crash
 from .._step.record import record_of
 from .._step.words import CONTRACT
-from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
-from .launch import MANAGER
-from .own_node import is_here, names_here, service_uris
-from .state import Settings, State, load_settings, load_state, ros_of, save_state
+from .judge import (
+    UNCOUNTED,
+    Gap,
+    Wanted,
+    check_rates,
+    check_sums,
+    first_questions,
+    forgiven,
+    gaps,
+    judge,
+    least_rates,
+)
+from .launch import MANAGER, named
+from .own_node import is_here, names_here, places, service_uris
+from .state import Settings, State, load_settings, load_state, ros_of, save_state, version_of
 
 HERE = Path(__file__).parent
 SECONDS = 10.0  # of looking in one call, before a reason is given
@@ -48,8 +59,8 @@ def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
     before = load_state(settings.node)
     ros = ros_of(os.environ)
-    here = partial(names_here, ros, settings)
-    outside = Outside(run_command, here, partial(children, ros), partial(introduce, ros))
+    here, there = partial(names_here, ros, settings), partial(places, ros, settings)
+    outside = Outside(run_command, here, there, partial(children, ros), partial(introduce, ros))
     reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings.node, State(failed=reason))
@@ -73,6 +84,7 @@ class Outside:
 
     run: Callable[[list[str], float], str]  # why it failed
     here: Callable[[MasterState], Mapping[str, str]]  # name -> address
+    places: Callable[[MasterState], Mapping[str, str]]  # the same of all nodes that may be the app's
     children: Callable[[Collection[str]], Iterable[Child]]  # what roslaunch at these addresses started
     introduce: Callable[[Mapping[Gap, Node]], None]  # tell the subscriber of each gap who publishes its topic
     now: Callable[[], float] = time.monotonic
@@ -95,19 +107,32 @@ def started(settings: Settings, before: State, ros: Backend, outside: Outside) -
     return "" if ended.verdict == PASS else message(ended.last)
 
 
-def load_contract(environ: Mapping[str, str], directory: Path = HERE) -> Contract | None:
-    """What this revision owes the graph until it is proven; None where that is nothing, or nothing is said of it.
+@dataclass(frozen=True)
+class Owed:
+    """What a step of an update says that this version owes. `other`: the revision that it has on trial instead.
 
-    It is a file that a step writes beside the pod. No clock ends it: a version that nobody proved is no better for
-    waiting.
+    `ignore`: what may be missing, whoever brings a version.
+    """
+
+    contract: Contract | None = None
+    other: str = ""
+    ignore: tuple[str, ...] = ()
+
+
+def load_owed(environ: Mapping[str, str], directory: Path = HERE) -> Owed:
+    """By the file that a step writes beside the pod.
+
+    It counts until its version is proven. No clock ends it: a version that nobody proved is no better for waiting.
     """
     try:
-        record = record_of({"data": {CONTRACT: (directory / CONTRACT).read_text("utf-8")}})
+        found = record_of({"data": {CONTRACT: (directory / CONTRACT).read_text("utf-8")}})
     except (OSError, ValueError):
-        return None
-    judged = record.proven or record.soak  # from then on the keeper looks at it
-    meant = record.revision == environ.get("ROSOPS_REVISION", "") and not judged
-    return record.contract if record.contract.nodes and meant else None
+        return Owed()
+    # from when it is judged on the keeper looks at it
+    if found.proven or found.soak or not found.contract.nodes:
+        return Owed(ignore=found.ignore)
+    meant = found.revision == environ.get("ROSOPS_REVISION", "")
+    return Owed(found.contract, "", found.ignore) if meant else Owed(None, found.revision, found.ignore)
 
 
 def message(checks: list[Check]) -> str:
@@ -142,15 +167,15 @@ class Starting:
         reason = self.outside.run(command, COMMAND_TIMEOUT) if command else ""
         checks = [Check("command", "readiness", WAIT, reason)] if reason else []
         # read at every look: an update's contract may come to the pod after it has started
-        contract = load_contract(os.environ)
-        if not (self.settings.expect_node or self.settings.launch or contract):
+        owed = load_owed(os.environ)
+        if not (self.settings.expect_node or self.settings.launch or owed.contract):
             return checks
         try:
-            return [*self._graph(contract, not checks), *checks]
+            return [*self._graph(owed, not checks), *checks]
         except RosError as error:
             return [Check("master", self.ros.uri, WAIT, str(error)), *checks]
 
-    def _graph(self, contract: Contract | None, whole: bool) -> list[Check]:
+    def _graph(self, owed: Owed, whole: bool) -> list[Check]:
         state = self.ros.state(types=True)
         ended = self._ended(state)
         if overall([check.verdict for check in ended]) == FAIL:  # all else only follows from it
@@ -158,7 +183,7 @@ class Starting:
         found, lacking = self._own(state)
         if lacking:
             return lacking
-        wanted = Wanted(found, contract, self.settings.min_rates)
+        wanted = Wanted(found, self._contract(state, found, owed), self.settings.min_rates)
         began = self.now()
         graph = self.ros.ask(state, first_questions(state, found))
         own = [graph.node(name) for name in found]
@@ -170,7 +195,7 @@ class Starting:
         forgiving = self._forgiving(graph, wanted)
         self._introduce(graph)
         checks = judge(graph, wanted, forgiving)
-        checks += self._settled(own) if not (wanted.contract or self.settings.command) else []
+        checks += self._settled(own) if not (owed.contract or self.settings.command) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
             if self.settings.expect_node and all(check.verdict == PASS for check in checks):
@@ -189,9 +214,47 @@ class Starting:
             return (), [Check("node", self.settings.app, WAIT, "none is registered from this pod's address")]
         return found, self._misplaced(state, found)
 
+    def _contract(self, state: MasterState, own: Sequence[str], owed: Owed) -> Contract | None:
+        """What the own nodes owe, by the names that nodes have in their pods.
+
+        Without a step somebody else has brought this version (`kubectl rollout restart`), and it owes what the pods
+        have now that it is to replace.
+        """
+        if owed.contract:
+            # others of the same step may have come by now, and be called by their pods, too
+            now = {name: nodes[-1] for name, nodes in by_pod((*state.nodes(), *own)).items()}
+            return owed.contract.renamed(now)
+        before = {} if self.settings.on_demand else self._before(state, own, owed.other)
+        if not before:
+            return None
+        wanted = first_questions(state, before)
+        heard = [name for node in before for topic in state.graph.node(node).publications if topic not in UNCOUNTED
+                 for name in state.subscribers.get(topic, ()) if not is_tool(name)]  # fmt: skip
+        wanted = replace(wanted, nodes={**dict.fromkeys(heard, frozenset()), **wanted.nodes})
+        found = record(self.ros.ask(state, wanted), [*before], before, Intended(owed.ignore))
+        return found if found.nodes else None
+
+    def _before(self, state: MasterState, own: Sequence[str], other: str) -> dict[str, str]:
+        """Nodes of other versions of the app, where versions overlap: what each is called in this one.
+
+        Without those of a revision that is on trial: this pod is older, and was only started once more. And without
+        those of which there must not be two: they begin when the others have ended.
+        """
+        suffix = f"_{version_of(os.environ)}"
+        bases = [node[: -len(suffix)] for node in own if node.endswith(suffix)]
+        found = [node for node in state.nodes() if node not in own and any(is_version(node, base) for base in bases)]
+        found = [node for node in found if not (other and by_revision(node).endswith(f"_{other}"))]
+        if found and self.settings.launch:  # and what else they have started
+            places = self.outside.places(state)
+            hosts = {host_of(places.get(node, "")) for node in found} - {""}
+            found = [node for node, uri in places.items() if host_of(uri) in hosts and not is_tool(node)]
+        plain = {node: stem(node) for node in found}
+        held = {one for word in self.settings.held for one in named(word, plain.values())}
+        return {node: base + suffix for node, base in plain.items() if base not in held}
+
     def _misplaced(self, state: MasterState, own: Iterable[str]) -> list[Check]:
         """Private names of this version alone: the launcher is about to give them the place that others know."""
-        suffix = f"_{os.environ.get('ROSOPS_REVISION', '')}"
+        suffix = f"_{version_of(os.environ)}"
         renamed = [node for node in own if node.endswith(suffix) and self.settings.launch == "overlap"]
         named = (name for part in (state.publishers, state.subscribers, state.services) for name in part)
         kept = {f"{node}/{word}" for node in renamed for word in MANAGER}

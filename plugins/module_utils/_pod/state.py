@@ -35,6 +35,8 @@ class Settings:
     host_network: bool = False
     space: str = ""  # the robot's namespace on a master that robots share
     launch: str = ""  # the handoff of an app that is a launch file
+    held: Sequence[str] = ()  # nodes of it of which there must not be two
+    on_demand: bool = False  # what it has on the graph is its clients' wish
     params: Mapping[str, Any] = field(default_factory=dict)
     keep_params: Sequence[str] = ()
 

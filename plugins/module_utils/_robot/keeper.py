@@ -16,6 +16,7 @@ from typing import Any, Callable, Iterable, Mapping
 from .._common.errors import RosError
 from .._ros import registrations
 from .._ros.backend import MasterState
+from .._ros.names import is_meant
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
 from . import memory
@@ -93,7 +94,8 @@ class Keeper:
 
     def take_back(self, nodes: Iterable[str]) -> None:
         """Point the services of these nodes to them again, where they live: whoever has them now is about to go."""
-        wanted = {node: self.memory.nodes[node] for node in nodes if node in self.memory.nodes}
+        names = {*nodes}
+        wanted = {node: entry for node, entry in self.memory.nodes.items() if is_meant(node, names)}
         present = self.ros.snapshot() if wanted else {}
         need = registrations.missing(wanted, present, take_services=True)
         if need:

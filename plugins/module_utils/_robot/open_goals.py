@@ -10,6 +10,7 @@ from typing import Callable, Mapping, Sequence
 from .._common.errors import KubeError, RosError
 from .._ros.backend import Backend, MasterState, Questions
 from .._ros.graph import BUSY_STATES, GOAL_STATES, Graph
+from .._ros.names import is_meant
 from .._step.objects import Object, annotations_of, has_node, name_of, node_of, rolled_out
 from .._step.record import PROVEN, mark_of
 from .._step.words import MASTER, NODE
@@ -86,8 +87,8 @@ def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str
     known = {name for member in step.going_back for name in member.actions}
     found = {}
     for name, all_of_it in servers.items():
-        own = tuple(one for one in all_of_it if one in nodes)
-        found[name] = own or tuple(one for one in all_of_it if name in known and one not in old)
+        own = tuple(one for one in all_of_it if is_meant(one, nodes))
+        found[name] = own or tuple(one for one in all_of_it if name in known and not is_meant(one, old))
     return found
 
 
@@ -138,7 +139,7 @@ class Staying:
         for namespace in self.cluster.namespaces():
             there = self.cluster.deployments(namespace)
             for item in there:
-                if node_of(item) == node:
+                if is_meant(node, [node_of(item)]):
                     return namespace, name_of(item)
             for item in there:
                 if mark_of(item) is not None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Mapping, Sequence
 
 from .._ros.contract import NOTHING, Contract
+from .._ros.names import in_pods
 from .objects import Object, annotations_of, name_of, revision_of
 from .words import CONTRACT, HISTORY, SOAKING, UPDATING
 
@@ -59,7 +60,7 @@ class Record:
 
     `run` is which run wrote it (empty: a collection before 1.0), `apps` are those of its step, in the step's order.
     `watch`: seconds for which the keeper is to watch the version, which its run has found good; `ends`: how many of its
-    containers' lives had ended by then.
+    containers' lives had ended by then. `ignore`: what the inventory lets any next version lack, as `Intended` has it.
     """
 
     contract: Contract = NOTHING
@@ -70,6 +71,7 @@ class Record:
     ready_timeout: float = READY_TIMEOUT
     watch: float = 0.0
     ends: int = 0
+    ignore: tuple[str, ...] = ()
 
     @property
     def revision(self) -> str:
@@ -103,15 +105,20 @@ class Record:
         """Once its revision is proven."""
         return replace(self, proven=True)
 
-    def found_good(self, soak: float, ends: int) -> Record:
-        """Once its run has seen that it fulfils its contract, and leaves it to the keeper to prove it."""
-        return replace(self, watch=soak, ends=ends)
+    def found_good(self, soak: float, ends: int, templates: Mapping[str, str]) -> Record:
+        """Once its run has seen that it fulfils its contract, and leaves it to the keeper to prove it.
+
+        `templates`: revision -> its pods' hash. Keepers that run since collections up to 1.0 know no other names.
+        """
+        contract = self.contract.called(lambda name: in_pods(name, templates))
+        return replace(self, contract=contract, watch=soak, ends=ends)
 
     def data(self) -> dict[str, str]:
         """As the ConfigMap has it."""
         said = {"run": self.run, "apps": self.apps, "proven": self.proven, "ready_timeout": self.ready_timeout}
         watched = {"soak": self.watch, "ends": self.ends} if self.watch else {}
-        contract = json.dumps({**self.contract.as_dict(), **said, **watched}, sort_keys=True)
+        ignored = {"ignore": self.ignore} if self.ignore else {}
+        contract = json.dumps({**self.contract.as_dict(), **said, **watched, **ignored}, sort_keys=True)
         return {CONTRACT: contract, HISTORY: json.dumps(self.history, sort_keys=True)}
 
 
@@ -129,6 +136,7 @@ def record_of(item: Object | None) -> Record:
             float(said.get("ready_timeout") or READY_TIMEOUT),
             float(said.get("soak") or 0.0),
             int(said.get("ends") or 0),
+            tuple(map(str, said.get("ignore") or ())),
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         return Record(history=history)

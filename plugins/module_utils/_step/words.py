@@ -9,6 +9,7 @@ FLEET = "fleet"  # the namespace of what is the whole fleet's
 ROBOT = "rosops.fleet/robot"
 APP = "rosops.fleet/app"
 REVISION = "rosops.fleet/revision"
+TEMPLATE_HASH = "pod-template-hash"  # Kubernetes' own, other for each template that a Deployment ever had
 KEPT = "rosops.fleet/kept"  # on a ConfigMap of the namespace `fleet`: the shared keeper looks after the one of its name
 # annotations of a Deployment's pod template
 NODE = "rosops.fleet/ros-node"

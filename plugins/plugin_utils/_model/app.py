@@ -5,6 +5,7 @@ A key is added here. After that `python tools/docs/keys.py` writes the roles' ar
 """
 
 # no `from __future__ import annotations`: a lambda in an annotation that is a text would not find this module's names
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Required, TypedDict
@@ -22,6 +23,9 @@ HANDOFF_BY_PATTERN = {"pubsub": "overlap", "service": "overlap", "action": "drai
 
 # s of a grace period beyond the stop hook's own time: for the hook to start on a busy robot, and for the app to end
 STOP_MARGIN = 5
+
+# What these have on the graph is their clients' wish, and the clients come to a pod once it is ready.
+_ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridge|web_video_server)\b")
 
 AppName = Annotated[str, FORMS["app-name"]]
 GraphName = Annotated[str, FORMS["graph-name"]]
@@ -417,6 +421,12 @@ class App:
     overrides: Variables = field(default_factory=dict)
     """Merged last into the Deployment, whose container is C(ros-app), recursively, lists of named entries by name; a
     null removes a key."""
+
+    @property
+    def on_demand(self) -> bool:
+        """Whether it subscribes and publishes as its clients ask, known by its command."""
+        launched = (self.launch.package, *self.launch.file) if self.launch else ()
+        return any(_ON_DEMAND.search(word) for word in (*self.command, *self.args, *launched))
 
     @property
     def stop_deadline(self) -> float:

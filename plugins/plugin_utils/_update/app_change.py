@@ -193,7 +193,7 @@ class AppChange(StepChange):
         if self.step.kind == "master":
             self.hands.master_answers("the new master answers")
             if self.hands.recorded:
-                self.host.register(self.hands.master, self.hands.graph)
+                self.host.register(self.hands.master, self.hands.registered)
         proof = decide.proof(self.step, self.found, self.settings.rate_tolerance)
         if decide.proves_nothing(proof):
             self.say(f"{self.name}: nothing is recorded and nothing promised to hold it to: only its pod is proven")
@@ -275,7 +275,7 @@ class AppChange(StepChange):
             # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
             # away what is not its own any more
             try:
-                self.host.register(hands.master, hands.graph, old)
+                self.host.register(hands.master, hands.registered, old)
             except RosError as error:  # without the old version there is nothing to register
                 self.say(f"{self.name}: its old nodes are not registered again yet: {error}")
         # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here;

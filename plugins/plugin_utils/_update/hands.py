@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
+from ...module_utils._ros.graph_json import with_revisions
 from ...module_utils._step.update_record import ways_back
 from .._kube.applied import Applied
 from .._kube.running import Known
@@ -84,6 +85,7 @@ class Hands:
         self.host, self.clock, self.check = world.host, world.clock, settings.check
         self.say, self.trace = world.say, world.trace
         self.live, self.graph = Live(), NO_GRAPH
+        self.registered = NO_GRAPH  # the same with the names that nodes have in their pods
         self.recorded = False  # the graph is known
         self.stale = False  # a step has changed it since
         self.rated: set[str] = set()  # nodes of which the rates at rest are known
@@ -199,8 +201,10 @@ class Hands:
             return self.host.graph(self.master)
 
     def learn(self, graph: Graph) -> None:
-        """The graph as it is now, with the rates that are known."""
-        self.graph, self.recorded, self.stale = with_rates(graph, self.graph), True, False
+        """The graph as it is now, with the rates that are known, by the names of revisions: plan and records have them,
+        as nobody knows those of pods to come. Whoever looks at the graph on the robot knows what they mean there."""
+        self.registered, self.graph = graph, with_rates(with_revisions(graph), self.graph)
+        self.recorded, self.stale = True, False
 
 
 # --- a robot at rest ------------------------------------------------------------------------------------------------

@@ -17,10 +17,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from ...module_utils._ros.contract import NOTHING, Contract
-from ...module_utils._step.objects import annotations_of, app_of, ends_of, revision_of
+from ...module_utils._step.objects import annotations_of, app_of, ends_of, labels_of, revision_of, revision_of_pod
 from ...module_utils._step.record import Mark, Record, record_of
 from ...module_utils._step.update_record import run_of
-from ...module_utils._step.words import UPDATING
+from ...module_utils._step.words import TEMPLATE_HASH, UPDATING
 from .._model import names
 from .._objects.app import OVERLAP_STRATEGY
 from .._objects.common import RECREATE_STRATEGY, config_map, object_labels
@@ -49,7 +49,8 @@ def step_objects(
         # a contract that is taken over from an earlier step says nothing of this one; and no clock ends it: it counts
         # for its revision until it says `proven`
         owed = replace(contract, revision=revision_of(item), tolerance=tolerance)
-        record = Record(owed, _history(app, step, now), run_of(now), apps, ready_timeout=ready_timeout)
+        history, run, ignore = _history(app, step, now), run_of(now), step.intended.ignore
+        record = Record(owed, history, run, apps, ready_timeout=ready_timeout, ignore=ignore)
         labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
         maps.append(config_map(names.update_name(app), metadata["namespace"], labels, record.data()))
     # the node's name is taken by what runs: for the time of the step the old one goes first
@@ -75,10 +76,14 @@ def fulfilled(maps: Iterable[Object]) -> list[Object]:
 def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> list[Object]:
     """The records of a step that its run has found good; `pods` are those of the new version."""
     own: dict[str, list[Object]] = {}
+    templates = {}
     for pod in pods:
         own.setdefault(app_of(pod), []).append(pod)
+        if labels_of(pod).get(TEMPLATE_HASH):
+            templates[revision_of_pod(pod)] = labels_of(pod)[TEMPLATE_HASH]
+    ends = {app: ends_of(there) for app, there in own.items()}
     return [
-        {**item, "data": record_of(item).found_good(soak, ends_of(own.get(app_of(item), ()))).data()} for item in maps
+        {**item, "data": record_of(item).found_good(soak, ends.get(app_of(item), 0), templates).data()} for item in maps
     ]
 
 

@@ -7,7 +7,6 @@ where its versions overlap, each with its revision behind it (`_pod/launch.py`).
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -23,8 +22,6 @@ from .._model.context import Robot
 from .world import Graph, Object
 
 _HELD = "--replace="
-# What these have on the graph is their clients' wish, and the clients come to a pod once it is ready.
-_ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridge|web_video_server)\b")
 # Whether the keeper keeps it.
 LATCHED = {
     True: "is given to later subscribers by the keeper until the next version says something",
@@ -37,21 +34,25 @@ MOVING_PACKAGES = ("ackermann_msgs/", "control_msgs/", "mavros_msgs/")
 AGREEING = ("state_publisher", "static_transform")
 
 
-def own_nodes(named: Mapping[str, str], graph: Graph, pods: Iterable[Object]) -> dict[str, list[str]]:
+def own_nodes(
+    named: Mapping[str, str], graph: Graph, pods: Iterable[Object], versions: Mapping[str, str] | None = None
+) -> dict[str, list[str]]:
     """App -> its nodes, that of `named` first, whether it is in the graph or not.
 
-    What a launch file starts has names of its own, but its pod's address. An address of several apps' pods (that of the
-    host, where they share its network) tells nothing.
+    What a launch file starts has names of its own, but its pod's address, and where versions overlap the version behind
+    its names (`versions`), whichever pod is there by now. An address of several apps' pods (that of the host, where
+    they share its network) tells nothing.
     """
     apps_at: dict[str, set[str]] = {}
     for pod in pods:
         address = (pod.get("status") or {}).get("podIP")
         if address:
             apps_at.setdefault(address, set()).add(pod["metadata"]["labels"].get(names.LABEL_APP, ""))
-    at = {node.name: host_of(node.uri) for name in graph.names for node in graph.named(name)}
+    at = [(node.name, host_of(node.uri)) for name in graph.names if not is_tool(name) for node in graph.named(name)]
     found = {}
     for app, name in named.items():
-        others = [node for node, address in at.items() if apps_at.get(address) == {app} and not is_tool(node)]
+        version = (versions or {}).get(app) or "/"  # with which no name ends
+        others = [node for node, address in at if apps_at.get(address) == {app} or node.endswith(version)]
         found[app] = list(dict.fromkeys([*([name] if name else []), *others]))
     return found
 
@@ -95,7 +96,7 @@ def launched(before: Object, after: Object, app: App) -> Launched | None:
     words = [word for one in after["spec"]["template"]["spec"]["containers"] for word in one.get("args") or ()]
     held = tuple(word.removeprefix(_HELD) for word in words if word.startswith(_HELD))
     overlap = app.launch.overlap if app.launch else ()
-    return Launched(suffix_of(before), suffix_of(after), held, overlap, on_demand(app))
+    return Launched(suffix_of(before), suffix_of(after), held, overlap, app.on_demand)
 
 
 @dataclass(frozen=True)
@@ -134,12 +135,6 @@ def succession(app: Launched, nodes: Sequence[str], there: Iterable[str]) -> Suc
 # --- what the next version is meant to change -------------------------------------------------------------------------
 
 
-def on_demand(app: App) -> bool:
-    """Whether the app subscribes and publishes as its clients ask, known by its command."""
-    launched = (app.launch.package, *app.launch.file) if app.launch else ()
-    return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args, *launched))
-
-
 def intended(apps: Collection[App], robot: Robot, old_nodes: Mapping[str, str], back: bool = False) -> Intended:
     """Of all apps of a step together: it is one change. `back`: to the version before, so names move back, too."""
     ignore: list[str] = []
@@ -157,7 +152,7 @@ def intended(apps: Collection[App], robot: Robot, old_nodes: Mapping[str, str], 
         ignore += [full(name) for name in update.ignore]
         renamed |= {full(before): full(after) for before, after in update.renamed.items()}
         rates |= {full(name): float(hz) for name, hz in update.rates.items()}
-        nodes += [node] if on_demand(app) else []
+        nodes += [node] if app.on_demand else []
     if back:
         renamed = {after: before for before, after in renamed.items()}
     keeps = robot.master.mode != "external" and all(app.hooks != "none" for app in apps)

@@ -43,7 +43,7 @@ class Gate:
 
 def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collection[str]] | None = None) -> Gate:
     """`images` is edge host -> full names of its images."""
-    own = own_nodes(step.old_nodes, graph, live.pods)
+    own = own_nodes(step.old_nodes, graph, live.pods, {app: launch.old for app, launch in step.launched.items()})
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
     records = read_records(live.maps)

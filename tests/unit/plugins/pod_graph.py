@@ -33,6 +33,7 @@ class World:
     """What the master and the nodes say; a test changes a part of it, and `ros` is asked as the real one is."""
 
     uri = "http://ros-master:11311"
+    me, version = OWN, "_0a1b2c3d"  # of the pod
 
     def __init__(self) -> None:
         self.publishers = {"/out": [OWN], "/in": [PUBLISHER], "/rosout": [OWN, PUBLISHER]}
@@ -62,7 +63,7 @@ class World:
 
     def own(self, topic: str) -> list[str]:
         """The pod's own nodes that publish it."""
-        return [node for node in self.publishers[topic] if node.endswith("_0a1b2c3d")]
+        return [node for node in self.publishers[topic] if node.endswith(self.version)]
 
     # ---- the ROS backend
 
@@ -100,7 +101,7 @@ class World:
         assert all(names_of(graph.topics[name].publishers) == self.own(name) for name in seconds)
         self.asked.append("rates")
         rates = {name: Rate(self.hz.get(name, 0.0), 50, seconds[name]) for name in seconds}
-        return {name: Rate(rate.hz, 50, rate.seconds, by={NodeKey(OWN, URI): rate}) for name, rate in rates.items()}
+        return {name: Rate(rate.hz, 50, rate.seconds, by={NodeKey(self.me, URI): rate}) for name, rate in rates.items()}
 
 
 def contract(**changes: Any) -> Contract:

@@ -8,13 +8,16 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
 
 KEEPER = "http://10.43.0.18:11411"
-ACTIONS = [{"name": "/work", "server": "/worker"}, {"name": "/drive"}]
+ACTIONS = [{"name": "/work", "server": "/worker_1a2b3c4d"}, {"name": "/drive"}]
+SERVER = "/worker_1a2b3c4d_79d9c6f8b5"  # in its pod
+ENDS = {"/work/status": (SERVER,)}, {"/work/goal": (SERVER, "/gui"), "/work/cancel": (SERVER,)}
 
 
 class FakeKeeper:
@@ -44,7 +47,12 @@ class Run:
         monkeypatch.setattr(FakeKeeper, "calls", [])
         monkeypatch.setattr(ros_action_hold, "KeeperCalls", FakeKeeper)
         monkeypatch.setattr(ros_action_hold, "look", self.look)
-        monkeypatch.setattr(ros_action_hold.Robot, "isolate", lambda *_: None)
+        self.told = list[Any]()
+        monkeypatch.setattr(ros_action_hold.Ros1Client, "state", lambda _self: MasterState(*ENDS))
+        monkeypatch.setattr(ros_action_hold, "tell_publishers", lambda *told: self.told.append(told[:3]))
+        monkeypatch.setattr(
+            ros_action_hold.Ros1Client, "addresses", lambda _self, names: ({one: one for one in names},)
+        )
 
     def look(self, _ros: Any, conditions: Any, ears: Any) -> Look:
         self.heard.append(ears)
@@ -63,8 +71,9 @@ def run(monkeypatch: pytest.MonkeyPatch, main: Callable[..., dict[str, Any]]) ->
 def test_all_have_to_be_idle_and_those_with_a_server_are_held(run: Run) -> None:
     result = run(keeper_uri=KEEPER, seconds=7)
     assert (result["changed"], result["verdict"], result["held"]) == (True, PASS, ["/work"])
-    assert FakeKeeper.calls == [("hold", "/work", "/worker", 7.0)]
-    assert run.looked[0] == [("/work", "idle", "/worker"), ("/drive", "idle", "")]
+    assert FakeKeeper.calls == [("hold", "/work", SERVER, 7.0)]
+    assert run.told[0] == (SERVER, "/work/goal", [])
+    assert run.looked[0] == [("/work", "idle", "/worker_1a2b3c4d"), ("/drive", "idle", "")]
 
 
 def test_what_messages_must_say_is_listened_to_from_look_to_look(run: Run) -> None:

@@ -110,6 +110,19 @@ def test_absent(run: Run, answers: list[Liveness], nodes: list[str], removed: in
     assert [entry["node"] for entry in result["skipped"]] == skipped
 
 
+def test_the_name_of_a_revision_means_the_nodes_of_its_pods(run: Run) -> None:
+    """Of the graph that was recorded when it is to be registered, of those that are there when it is to go."""
+    one, two, other = "/n_1a2b3c4d_4", "/n_1a2b3c4d_5", "/n_99999999_4"
+    graph = {**GRAPH, "nodes": dict.fromkeys((one, other), GRAPH["nodes"]["/n"])}
+    assert run({}, {one: [living()]}, graph=graph, nodes=["/n_1a2b3c4d"])["skipped"] == []
+    assert {call.node for call in run.applied} == {one}
+    dead = [Liveness(DEAD, "refused"), Liveness(DEAD, "refused")]
+    there = {name: Entry(URI, None, {"/a": "x/A"}) for name in (one, two, other)}
+    result = run(there, {one: [living()], two: dead}, state="absent", nodes=["/n_1a2b3c4d"])
+    assert [entry["node"] for entry in result["removed"]] == [two]
+    assert [entry["node"] for entry in result["skipped"]] == [one]
+
+
 def test_absent_of_a_node_that_is_not_there(run: Run) -> None:
     result = run({}, {}, state="absent", nodes=["/n"])
     assert (result["changed"], result["skipped"]) == (False, [])

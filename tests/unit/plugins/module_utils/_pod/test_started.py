@@ -13,6 +13,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.started import Owed
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
@@ -54,19 +55,17 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def started(world: World, clock: Clock | None = None, before: str = "", run: Any = None, **settings: Any) -> str:
     clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
-    introduce = settings.pop("introduce", lambda _calls: None)
-    return started_command.started(
-        replace(SETTINGS, **settings),
-        State(failed=before),
-        world,
-        started_command.Outside(
-            run or (lambda *_: ""), lambda _state: here, lambda _hosts: children, introduce, clock.now, clock.sleep
-        ),
-    )
+    introduce, places = settings.pop("introduce", lambda _calls: None), settings.pop("places", {})
+    outside = started_command.Outside(
+        run or (lambda *_: ""), lambda _state: here, lambda _state: places, lambda _hosts: children, introduce,
+        clock.now, clock.sleep,
+    )  # fmt: skip
+    return started_command.started(replace(SETTINGS, **settings), State(failed=before), world, outside)
 
 
 def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
-    monkeypatch.setattr(started_command, "load_contract", lambda *_: contract(**changes))
+    owed = Owed(contract(**changes))
+    monkeypatch.setattr(started_command, "load_owed", lambda *_: owed)
 
 
 def test_ready_keeps_what_later_calls_need() -> None:
@@ -162,7 +161,7 @@ def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, owed = Clock(), [None]
-    monkeypatch.setattr(started_command, "load_contract", lambda *_: owed[0])
+    monkeypatch.setattr(started_command, "load_owed", lambda *_: Owed(owed[0]))
     clock.when = [(0.2, lambda: owed.__setitem__(0, contract(services={"/gone": {}})))]  # type: ignore[call-overload]
     assert started(World(), clock) == f"not ready: node {OWN}: as the version before: does not offer the service /gone"
 
@@ -357,36 +356,161 @@ def test_a_contract_counts_for_whoever_names_his_nodes_himself(
     assert "does not start" in started(two_nodes, expect_node=False, app="base", here={OWN: URI})
 
 
+# ---- a version that no step has brought
+
+
+POD, OLD, OLD_URI = "/talker_0a1b2c3d_5", "/talker_0a1b2c3d_4", "http://127.0.0.2:40001/"
+
+
+class Beside(World):
+    """The pod of `kubectl rollout restart`, and the one that it is to replace, which has all that the world has."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        for part in (self.publishers, self.subscribers, self.services):
+            for nodes in part.values():
+                nodes[:] = [OLD if node == OWN else node for node in nodes]
+        known = self.answers.pop(OWN)
+        self.answers[OLD] = replace(known, uri=OLD_URI)
+        self.answers[PUBLISHER] = replace(self.answers[PUBLISHER], bus=bus(("/in", OLD), ("/in", POD)))
+        self.answers[POD] = replace(known, publications=[], subscriptions=[], bus=bus(("/out", SUBSCRIBER)))
+        self.probes["/add"] = replace(self.probes["/add"], provider=OLD)
+        self.publishers["/rosout"].append(POD)
+
+    me, version = POD, "_5"
+
+    def offer(self, *what: str) -> None:
+        """What the new pod's node has registered."""
+        for topic in {*what} & {*self.publishers}:
+            (self.subscribers if topic == "/in" else self.publishers)[topic].append(POD)
+        if "/add" in what:
+            self.services["/add"], self.probes["/add"] = [POD], replace(self.probes["/add"], provider=POD)
+
+
+@pytest.fixture
+def beside(monkeypatch: pytest.MonkeyPatch) -> Beside:
+    monkeypatch.setenv("ROSOPS_REVISION", "0a1b2c3d")
+    monkeypatch.setenv("ROSOPS_TEMPLATE_HASH", "5")
+    monkeypatch.setattr(started_command, "load_owed", lambda *_: Owed(None, "ffffffff", ("/debug",)))
+    return Beside()
+
+
+def renewed(world: World, clock: Clock | None = None, **more: Any) -> str:
+    return started(world, clock, **{"node": POD, **more})
+
+
+@pytest.mark.parametrize(
+    ("offered", "lacking"),
+    [
+        (("/out", "/in", "/add"), ""),
+        (("/in", "/add"), "does not publish /out"),
+        (("/out", "/add"), "does not subscribe to /in"),
+        (("/out", "/in"), "does not offer the service /add"),
+        ((), "does not publish /out; does not subscribe to /in; does not offer the service /add"),
+    ],
+)
+def test_a_version_that_others_bring_owes_what_the_pod_before_has(
+    beside: Beside, offered: tuple[str, ...], lacking: str
+) -> None:
+    """A node that is still loading what it works with has registered nothing but its log for long."""
+    beside.publishers["/debug"] = [OLD]  # the inventory lets it go
+    beside.offer(*offered)
+    line = f"not ready: node {POD}: as the version before: {lacking}" if lacking else ""
+    assert renewed(beside) == line
+
+
+def test_what_it_offers_has_to_be_connected_as_the_pod_before_is(beside: Beside) -> None:
+    beside.offer("/out", "/in", "/add")
+    beside.replies(POD, bus=bus())
+    assert renewed(beside, clock := Clock()).startswith("not ready: topic /out: 1 of 2 subscribers connected"[:23])
+    assert clock.at > PATIENCE  # its subscriber lives, and has the pod before
+
+
+@pytest.mark.parametrize(
+    ("why", "settings"),
+    [
+        ("it is down", {}),
+        ("it is the version on trial beside this one", {}),
+        ("clients say what it has", {"on_demand": True}),
+        ("another app's", {}),
+    ],
+)
+def test_it_owes_nothing(beside: Beside, monkeypatch: pytest.MonkeyPatch, why: str, settings: dict[str, Any]) -> None:
+    if why == "it is down":
+        beside.replies(OLD, error="nothing listens there", refused=True)
+    if why.startswith("it is the version"):
+        monkeypatch.setattr(started_command, "load_owed", lambda *_: Owed(other="0a1b2c3d"))
+    if why == "another app's":
+        monkeypatch.setenv("ROSOPS_TEMPLATE_HASH", "7")  # so that the node is none with a version behind its name
+    clock = Clock()
+    assert renewed(beside, clock, **settings) == ""
+    assert clock.at >= started_command.SETTLE
+
+
+def test_a_launch_file_owes_all_that_the_pod_before_has_started_but_what_waits_for_its_end(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside.offer("/out", "/in", "/add")
+    for name in ("/map", "/arm"):
+        beside.publishers[name] = [f"{name}_node_0a1b2c3d_4"]
+        beside.answers[f"{name}_node_0a1b2c3d_4"] = NodeAnswer(OLD_URI.replace("40001", f"4{len(name)}"), 9, bus=bus())
+    of_old = {name: answer.uri for name, answer in beside.answers.items() if name.endswith("_4")}
+    pod: dict[str, Any] = {"expect_node": False, "launch": "overlap", "held": ["arm_node"], "here": {POD: URI}}
+    pod["places"] = {**of_old, POD: URI, SUBSCRIBER: "http://127.0.0.1:40003/", "/rqt_1": OLD_URI}
+    words = "as the version before: does not start /map_node_0a1b2c3d_5; does not publish /map"
+    assert words in renewed(beside, **pod)
+    monkeypatch.setattr(started_command, "is_here", lambda uri: uri.startswith("http://127.0.0.1"))
+    beside.publishers["/map"].append("/map_node_0a1b2c3d_5")
+    beside.answers["/map_node_0a1b2c3d_5"] = NodeAnswer(URI.replace("40001", "40007"), 10, bus=bus())
+    pod["here"]["/map_node_0a1b2c3d_5"] = URI.replace("40001", "40007")
+    assert renewed(beside, **pod) == ""
+
+
+def test_the_record_calls_nodes_by_their_revisions(beside: Beside, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The own ones, whatever other pod of the revision there is, and those of another app of the same step."""
+    beside.offer("/out", "/in", "/add")
+    member = "/heard_99999999"
+    owe(monkeypatch, edges=[[OWN, "/out", SUBSCRIBER], [OWN, "/out", member]], members=[OWN, member])
+    assert f"{POD} not connected to {member}" in renewed(beside)
+    beside.subscribers["/out"].append(f"{member}_4")
+    beside.answers[f"{member}_4"] = NodeAnswer("http://127.0.0.1:40009/", 9, bus=[])
+    assert f"{POD} not connected to {member}_4, which is updated together with it" in renewed(beside)
+    beside.replies(POD, bus=bus(("/out", SUBSCRIBER), ("/out", f"{member}_4")))
+    beside.hz["/out"] = 100.0
+    assert renewed(beside) == ""
+
+
 ENVIRON = {"ROSOPS_REVISION": "0a1b2c3d"}
 
 
 @pytest.mark.parametrize(
-    ("changes", "counts"),
+    ("changes", "counts", "other"),
     [
-        ({}, True),
-        ({"until": 99}, True),  # seconds since 1970: no clock lets a version in, whoever's it is
-        ({"proven": False}, True),
-        ({"proven": True}, False),
-        ({"soak": 120.0}, False),  # the keeper looks at it
-        ({"revision": "ffffffff"}, False),
-        ({"revision": ""}, False),
-        ({"nodes": []}, False),  # nothing was there before that answered
+        ({}, True, ""),
+        ({"until": 99}, True, ""),  # seconds since 1970: no clock lets a version in, whoever's it is
+        ({"proven": False, "ignore": ["/debug/*"]}, True, ""),
+        ({"proven": True, "ignore": ["/debug/*"]}, False, ""),
+        ({"soak": 120.0}, False, ""),  # the keeper looks at it
+        ({"revision": "ffffffff"}, False, "ffffffff"),
+        ({"revision": "ffffffff", "proven": True}, False, ""),
+        ({"revision": ""}, False, ""),
+        ({"nodes": []}, False, ""),  # nothing was there before that answered
     ],
 )
 def test_a_contract_means_one_revision_until_it_is_proven(
-    tmp_path: Path, changes: dict[str, Any], counts: bool
+    tmp_path: Path, changes: dict[str, Any], counts: bool, other: str
 ) -> None:
     contract = {"revision": "0a1b2c3d", "nodes": ["/r1/a_0a1b2c3d"], "ready_timeout": 120, "apps": ["a"], **changes}
     (tmp_path / "contract.json").write_text(json.dumps(contract))
-    found = started_command.load_contract(ENVIRON, tmp_path)
-    assert found == (Contract.from_dict(contract) if counts else None)
+    found = started_command.load_owed(ENVIRON, tmp_path)
+    assert found == Owed(Contract.from_dict(contract) if counts else None, other, tuple(changes.get("ignore", ())))
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "{"])
 def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "contract.json").write_text(text)
-    assert started_command.load_contract(ENVIRON, tmp_path) is None
-    assert started_command.load_contract(ENVIRON, tmp_path / "none") is None
+    assert started_command.load_owed(ENVIRON, tmp_path) == Owed()
+    assert started_command.load_owed(ENVIRON, tmp_path / "none") == Owed()
 
 
 def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

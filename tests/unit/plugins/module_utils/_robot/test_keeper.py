@@ -9,6 +9,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -236,6 +237,10 @@ def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> N
     bench.keeper.take_back(["/talker", "/nobody"])
     assert bench.ros.entries["/talker"].services == TALKER.services
     assert bench.said[-1] == "gave back /talker service /talker/get"
+    bench.keeper.memory.nodes["/of_1a2b3c4d_4"] = bench.ros.nodes["/of_1a2b3c4d_4"] = replace(canary, uri="http://p:1/")
+    bench.keeper.take_back(["/of_1a2b3c4d"])  # in whatever pod that is
+    assert bench.ros.entries["/of_1a2b3c4d_4"].services == canary.services
+    bench.keeper.take_back(["/talker"])
     said = len(bench.said)
     bench.keeper.take_back(["/talker"])
     bench.keeper.take_back([])

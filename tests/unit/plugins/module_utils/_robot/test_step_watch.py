@@ -689,6 +689,12 @@ def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any
     assert Staying(world, lambda: world.at)("/dock", "/camera") is stays  # type: ignore[arg-type]
 
 
+def test_a_server_is_known_by_its_revision_whichever_pod_it_is_in() -> None:
+    world = World()
+    world.put(live(version("camera", 2, node="/camera_1a2b3c4d")), left())
+    assert not Staying(world, lambda: world.at)("/dock", "/camera_1a2b3c4d_79d9c6f8b5")  # type: ignore[arg-type]
+
+
 def test_a_launch_files_server_is_known_by_its_action() -> None:
     world = World()
     world.put(live(version("nav", 2, node="/nav")), left(**launch_contract()))

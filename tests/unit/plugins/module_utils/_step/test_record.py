@@ -143,3 +143,15 @@ def test_what_soaks(said: dict[str, Any], revision: str, note: str, *, soaking: 
 @pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])
 def test_what_somebody_spoilt_is_not_there(text: str) -> None:
     assert record_of({"data": {"history.json": text, "contract.json": text}}) == Record()
+
+
+def test_what_was_found_good_has_the_names_of_its_pods_for_keepers_that_know_no_others() -> None:
+    contract = {"nodes": ["/a_1a2b3c4d", "/b"], "edges": [["/a_1a2b3c4d", "/t", "/c_99999999"]]}
+    found = record(OLD, **contract, ignore=["/debug"])
+    assert found.ignore == ("/debug",)
+    good = found.found_good(120.0, 0, {"1a2b3c4d": "79d9c6f8b5"})
+    said = json.loads(good.data()["contract.json"])
+    assert (said["nodes"], said["edges"]) == (
+        ["/a_1a2b3c4d_79d9c6f8b5", "/b"], [["/a_1a2b3c4d_79d9c6f8b5", "/t", "/c_99999999"]],
+    )  # fmt: skip
+    assert record_of({"data": good.data()}) == found.found_good(120.0, 0, {})  # as every reader since has it

@@ -17,7 +17,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import 
     intended,
     launched,
     obstacle,
-    on_demand,
     succession,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
@@ -135,7 +134,7 @@ def test_a_step_is_one_change_and_a_way_back_renames_the_other_way_round() -> No
 )
 def test_programs_that_do_what_their_clients_ask(words: list[str], expected: bool) -> None:
     one = camera(command=words[:1], args=words[1:])
-    assert on_demand(robot(one).apps[0]) is expected
+    assert robot(one).apps[0].on_demand is expected
     assert found(one).on_demand == ((OLD,) if expected else ())
 
 
