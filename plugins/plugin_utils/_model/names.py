@@ -26,6 +26,7 @@ ANNOTATION_WENT_BACK = words.WENT_BACK
 NODE_NAME_ENV = "ROSOPS_NODE_NAME"
 SETTINGS_ENV = "ROSOPS_SETTINGS"
 REVISION_ENV = "ROSOPS_REVISION"
+TEMPLATE_ENV = "ROSOPS_TEMPLATE_HASH"
 CODE_NAME = "rosops-code"  # the ConfigMap of what runs in pods, and the volume of it
 CODE_DIR = "/opt/rosops-fleet/hooks"
 SIDECAR = "hooks"  # the container beside the app's where its image has no Python

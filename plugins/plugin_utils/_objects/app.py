@@ -45,7 +45,9 @@ def app_deployment(app: App, robot: Robot) -> Object:
     """The Deployment of an app.
 
     The overrides come last, then the ROS node name: it carries the revision, which is the hash of the template with the
-    overrides in it, so that whatever changes the pod also gives it a name of its own.
+    overrides in it, and where versions overlap the hash that Kubernetes has of all of it. So whatever changes the pod,
+    and whoever does, also gives it a name of its own. The annotation has the name of the revision: the other hash is
+    known in the pod alone (`_ros/names.py`).
     """
     deployment = deep_merge(plain_deployment(app, robot), app.overrides)
     template = _template(deployment, app)
@@ -59,7 +61,7 @@ def app_deployment(app: App, robot: Robot) -> Object:
     args = [*(container.get("args") or []), *naming_args(app, robot, revision)]
     if args:
         container["args"] = args
-    own_name = [] if app.launch else [variable(names.NODE_NAME_ENV, app.node_name + name_suffix(app, revision))]
+    own_name = [] if app.launch else [variable(names.NODE_NAME_ENV, app.node_name + suffix_in_pod(app, revision))]
     for one in [container, *beside]:
         one["env"] = [*(one.get("env") or []), *own_name]
     metadata = template["metadata"]
@@ -152,6 +154,8 @@ def _ros_environment(app: App, robot: Robot) -> list[Object]:
     namespace = context.graph_namespace(app, robot)
     if namespace != "/":
         found.append(variable("ROS_NAMESPACE", namespace))
+    if app.handoff == "overlap":
+        found.append(field_variable(names.TEMPLATE_ENV, f"metadata.labels['{words.TEMPLATE_HASH}']"))
     return found
 
 
@@ -221,12 +225,17 @@ def naming_args(app: App, robot: Robot, revision: str) -> list[str]:
         stable = context.graph_node(app, robot)
         args = [f"~{private}:={stable}/{private}" for private in app.private_names]
     names_itself = not app.readiness.nodes and app.handoff != "overlap"
-    return [*args, *([] if names_itself else [f"__name:={app.node_name}{name_suffix(app, revision)}"])]
+    return [*args, *([] if names_itself else [f"__name:={app.node_name}{suffix_in_pod(app, revision)}"])]
 
 
 def name_suffix(app: App, revision: str) -> str:
     """Two revisions that overlap need two ROS names, else the master makes them evict each other."""
     return f"_{revision}" if app.handoff == "overlap" else ""
+
+
+def suffix_in_pod(app: App, revision: str) -> str:
+    """The same, and with it which pod template it is: `kubectl rollout restart` makes another one of a revision."""
+    return f"{name_suffix(app, revision)}_$({names.TEMPLATE_ENV})" if app.handoff == "overlap" else ""
 
 
 def _template(deployment: Object, app: App) -> Object:

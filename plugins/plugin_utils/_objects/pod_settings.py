@@ -21,7 +21,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
 
     Names are full but for private ones that follow the node's name of a revision: those keep their `~`.
     """
-    readiness, command = app.readiness, app.readiness.command
+    readiness, command, overlaps = app.readiness, app.readiness.command, app.handoff == "overlap"
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
     params = {_param(name): value for name, value in app.params.items()}
@@ -38,6 +38,8 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
         **({"launch": app.handoff} if app.launch else {}),
+        **({"held": list(app.launch.replace)} if overlaps and app.launch and app.launch.replace else {}),
+        **({"on_demand": True} if overlaps and app.on_demand else {}),
         **({"params": params} if params or keep else {}),
         **({"keep_params": keep} if keep else {}),
     }

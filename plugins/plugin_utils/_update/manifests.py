@@ -23,7 +23,7 @@ from ...module_utils._step.update_record import run_of
 from ...module_utils._step.words import TEMPLATE_HASH, UPDATING
 from .._model import names
 from .._objects.app import OVERLAP_STRATEGY
-from .._objects.common import RECREATE_STRATEGY, config_map, object_labels
+from .._objects.common import config_map, object_labels
 from .._objects.pod_code import waits_for_the_old
 from .plan import APP, INSTALL, Step
 from .revisions import described
@@ -53,9 +53,7 @@ def step_objects(
         record = Record(owed, history, run, apps, ready_timeout=ready_timeout, ignore=ignore)
         labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
         maps.append(config_map(names.update_name(app), metadata["namespace"], labels, record.data()))
-    # the node's name is taken by what runs: for the time of the step the old one goes first
-    objects = _with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
-    return [*maps, *marked(objects, run_of(now))]
+    return [*maps, *marked(step.objects, run_of(now))]
 
 
 def _history(app: str, step: Step, now: float) -> list[Object]:
@@ -99,14 +97,6 @@ def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[Obj
     return found
 
 
-def _with_strategy(objects: Iterable[Object], strategy: Object) -> list[Object]:
-    """These objects, with their Deployments' pods replaced in this way."""
-    return [
-        {**item, "spec": {**item["spec"], "strategy": dict(strategy)}} if item["kind"] == "Deployment" else item
-        for item in objects
-    ]
-
-
 # --- beside the old version -----------------------------------------------------------------------------------------
 
 
@@ -140,10 +130,12 @@ def beside(objects: Iterable[Object], chosen: Iterable[Object]) -> list[Object]:
         for item in objects
         if item["kind"] == "ConfigMap" or (item["kind"] == "Deployment" and app_of(item) in apps)
     ]
-    return [
-        item if item["kind"] != "Deployment" or waits_for_the_old(item) else _patient(item)
-        for item in _with_strategy(first, OVERLAP_STRATEGY)
-    ]
+    return [_beside(item) if item["kind"] == "Deployment" else item for item in first]
+
+
+def _beside(deployment: Object) -> Object:
+    made = {**deployment, "spec": {**deployment["spec"], "strategy": dict(OVERLAP_STRATEGY)}}
+    return made if waits_for_the_old(made) else _patient(made)
 
 
 def _patient(deployment: Object) -> Object:

@@ -53,7 +53,7 @@ class Step:
     fresh: bool = False  # nothing of it ever came up
     resume: bool = False  # an earlier run applied just this, and ended before it was proven
     proven: bool = False  # an earlier run proved just this, and only its mark is left to be taken off
-    drifted: bool = False  # somebody changed by hand what runs, and did not change its node's name with it
+    drifted: bool = False  # somebody changed by hand what runs, and did not change its revision with it
     unproven: Sequence[str] = ()  # apps of which something runs that nobody has proven: no graph to hold others to
     new_nodes: Mapping[str, str] = field(default_factory=dict)  # app -> its ROS node after the step
     old_nodes: Mapping[str, str] = field(default_factory=dict)

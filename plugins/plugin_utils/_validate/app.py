@@ -192,7 +192,7 @@ def _namespace(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     if isinstance(app.env.get("ROS_NAMESPACE"), Mapping):
         found = "is in a Secret, so that nobody knows where its node is"
         yield Problem("env.ROS_NAMESPACE", found, "the namespace as a text")
-    for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
+    for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, names.TEMPLATE_ENV, "ROS_HOSTNAME"):
         if key in app.env:
             reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
             yield Problem(f"env.{key}", reason, "leave it out")

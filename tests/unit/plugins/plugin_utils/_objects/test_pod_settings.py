@@ -80,3 +80,22 @@ def test_settings_belong_to_the_revision_that_they_came_with() -> None:
 def test_parameters(said: dict[str, Any], told: dict[str, Any]) -> None:
     found = settings(**said)
     assert {key: found[key] for key in ("params", "keep_params") if key in found} == told
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        (
+            {"pattern": "pubsub", "launch": {"file": "a.launch", "replace": ["arm", "/dock"]}},
+            {"held": ["arm", "/dock"]},
+        ),
+        ({"pattern": "pubsub", "launch": {"file": "a.launch"}}, {}),
+        ({"launch": {"file": "a.launch", "replace": ["arm"]}}, {}),
+        ({"pattern": "pubsub", "args": ["rosbridge_websocket"]}, {"on_demand": True}),
+        ({"args": ["rosbridge_websocket"]}, {}),
+    ],
+)
+def test_what_a_pod_cannot_owe_the_one_before(said: dict[str, Any], told: dict[str, Any]) -> None:
+    """Where both are there at once; the templates of others have no word of it."""
+    found = settings(**said)
+    assert {key: found[key] for key in ("held", "on_demand") if key in found} == told

@@ -159,6 +159,30 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
     assert not {"command", "args"} & set(own)
 
 
+@pytest.mark.parametrize("hooks", ["app", "sidecar", "none"])
+@pytest.mark.parametrize("launch", [None, {"file": "a.launch"}])
+@pytest.mark.parametrize("handoff", ["overlap", "replace"])
+def test_where_versions_overlap_a_pod_s_names_have_the_hash_of_its_template(
+    hooks: str, launch: dict[str, Any] | None, handoff: str
+) -> None:
+    """Kubernetes puts a variable's value in the place of $(NAME) in what comes after it, and in arguments."""
+    given = {"launch": launch, "args": [], "command": ["/ros_entrypoint.sh"]} if launch else {}
+    item = deployment(hooks=hooks, handoff=handoff, env={"A": "1"}, **given)
+    hash_ = {
+        "name": "ROSOPS_TEMPLATE_HASH",
+        "valueFrom": {"fieldRef": {"fieldPath": "metadata.labels['pod-template-hash']"}},
+    }
+    for one in [container(item), *(pod(item).get("initContainers") or [])]:
+        there = [found for found in one["env"] if found["name"] in ("ROSOPS_TEMPLATE_HASH", "ROSOPS_NODE_NAME")]
+        name = f"talker_{revision(item)}_$(ROSOPS_TEMPLATE_HASH)" if handoff == "overlap" else "talker"
+        own = [] if launch else [{"name": "ROSOPS_NODE_NAME", "value": name}]
+        assert there == [*([hash_] if handoff == "overlap" else []), *own]
+    assert ([f"__name:={name}"] == container(item)["args"][-1:]) is not bool(launch)
+    annotations = item["spec"]["template"]["metadata"]["annotations"]
+    known = f"/talker_{revision(item)}" if handoff == "overlap" else "/talker"
+    assert annotations.get("rosops.fleet/ros-node") == (None if launch else known)
+
+
 @pytest.mark.parametrize(
     ("changes", "waits"),
     [

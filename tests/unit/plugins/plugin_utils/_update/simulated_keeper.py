@@ -11,6 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import step_watch
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles, Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
@@ -18,7 +19,8 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     FOREVER,
     Hold,
     Pod,
-    template_of,
+    kubernetes_hash,
+    labels_of,
 )
 
 if TYPE_CHECKING:
@@ -120,11 +122,11 @@ class SimulatedKeeper:
         """With what the controller says of it."""
         key = (item["metadata"]["namespace"], item["metadata"]["name"])
         template, generation = self.generations.get(key, ("", 0))
-        if template != template_of(item):
+        if template != kubernetes_hash(item):
             generation += 1
-            self.generations[key] = template_of(item), generation
+            self.generations[key] = kubernetes_hash(item), generation
         pods = self.sim.of(key)
-        new = [pod for pod in pods if pod.template == template_of(item)]
+        new = [pod for pod in pods if pod.hash == kubernetes_hash(item)]
         status = {
             "observedGeneration": generation,
             "replicas": len(pods),
@@ -142,7 +144,7 @@ class SimulatedKeeper:
         state = {"running": {}} if pod.up or pod.waits else {"waiting": {"reason": waits}}
         last = {"terminated": {"exitCode": 1, "reason": "Error"}} if pod.restarts else {}
         return {
-            "metadata": {"labels": {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}},
+            "metadata": {"labels": labels_of(pod)},
             "spec": {},
             "status": {
                 "podIP": f"10.42.0.{pod.uid}",
@@ -183,6 +185,7 @@ class SimulatedKeeper:
 
     def take_back(self, nodes: Iterable[str]) -> None:
         self.sim.ask_master()
+        wanted = {*nodes}
         for process in self.sim.living():
-            if process.node in nodes and not self.sim.registered_whole(process):
+            if is_meant(process.node, wanted) and not self.sim.registered_whole(process):
                 self.sim.register(process)

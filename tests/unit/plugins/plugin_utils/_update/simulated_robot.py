@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 import json
+import zlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,6 +29,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, revision_of, suffix_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import TEMPLATE_HASH
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
@@ -151,6 +153,7 @@ class Pod:
     offer: Offer
     handoff: str
     revision: str
+    hash: str  # of its template, by Kubernetes
     process: Process | None = None
     held: Process | None = None  # of its launch file
     boot: float = 0.0
@@ -255,9 +258,12 @@ class SimulatedRobot:
             for pod in pods:
                 self.stop(pod)
             return
-        template = template_of(wanted)
-        new = [pod for pod in pods if pod.template == template and not pod.stopping]
-        old = [pod for pod in pods if pod.template != template]
+        if not wanted["spec"].get("replicas", 1):
+            for pod in pods:
+                self.stop(pod)
+            return
+        new = [pod for pod in pods if pod.hash == kubernetes_hash(wanted) and not pod.stopping]
+        old = [pod for pod in pods if pod.hash != kubernetes_hash(wanted)]
         overlap = wanted["spec"]["strategy"]["type"] == "RollingUpdate"
         patience = wanted["spec"].get("minReadySeconds", 0)
         for pod in old:
@@ -265,17 +271,16 @@ class SimulatedRobot:
                 self.stop(pod)
         leaving = [pod for pod in pods if pod not in new]
         if not new and (overlap or not leaving):
-            self.create(key, wanted, template)
+            self.create(key, wanted)
 
-    def create(self, key: tuple[str, str], wanted: Object, template: str) -> None:
+    def create(self, key: tuple[str, str], wanted: Object) -> None:
         spec = wanted["spec"]["template"]
         app = app_of(wanted)
         said = spec["metadata"].get("annotations") or {}
-        node = said.get(names.ANNOTATION_NODE, f"/{app}_node{suffix_of(wanted)}")  # else as a launch file calls it
         pod = Pod(
-            len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
-            "" if app in INFRASTRUCTURE else node, OFFERS.get(app, Offer()),
-            said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted),
+            len(self.pods), key, app, template_of(wanted), version_of(spec["spec"]["containers"][0]["image"]),
+            "" if app in INFRASTRUCTURE else node_in_pod(wanted), OFFERS.get(app, Offer()),
+            said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted), kubernetes_hash(wanted),
         )  # fmt: skip
         self.pods.append(pod)
         self.kubelet(START, lambda: self.run_pod(pod))
@@ -335,8 +340,12 @@ class SimulatedRobot:
         self.register(pod.held)
 
     def taken(self, pod: Pod) -> bool:
-        """Whether another pod's process has the name of its node."""
-        return any(one is not pod and one.node == pod.node and one.up and not one.gone for one in self.pods if one.node)
+        """Whether another pod's process has the name of its node, for the end of which its own waits.
+
+        One that overlaps waits for nobody: its node takes the name, and the master sends the other one away.
+        """
+        others = [one for one in self.pods if one is not pod and one.node and one.up and not one.gone]
+        return pod.handoff != "overlap" and any(one.node == pod.node for one in others)
 
     def process_of(self, pod: Pod) -> Process:
         below, offer, all_of_it = pod.node.rpartition("/")[0], pod.offer, pod.version.offers_all
@@ -418,9 +427,9 @@ class SimulatedRobot:
 
     def broken_promise(self, pod: Pod, process: Process) -> str:
         contract = self.contract(pod)
-        judged = contract and (contract.get("proven") or contract.get("soak"))
-        if not contract or judged or contract["revision"] != pod.revision:
-            return ""
+        judged = not contract or contract.get("proven") or contract.get("soak")
+        if judged or contract["revision"] != pod.revision:
+            return self.less_than_beside(pod, process, "" if judged else contract["revision"])
         lacking = [name for name in contract["services"] if name not in process.services]
         lacking += [name for name in contract["topics"] if name not in topics_of(process)]
         if lacking:
@@ -430,6 +439,14 @@ class SimulatedRobot:
             if self.hertz(process, name) < least:
                 return f"too slow on {name}"
         return ""
+
+    def less_than_beside(self, pod: Pod, process: Process, trial: str) -> str:
+        """What a version lacks that no step has brought, and the pods have that it is to replace."""
+        others = [one.process for one in self.of(pod.key) if one is not pod and one.revision != trial and one.process]
+        beside = [one for one in others if one.alive and self.registered.get(one.node) is one]
+        offered = {name for one in beside for name in (*topics_of(one), *one.services)}
+        lacking = offered - {*topics_of(process), *process.services}
+        return f"it lacks {', '.join(sorted(lacking))} of the pod before" if lacking else ""
 
     def hertz(self, process: Process, topic: str) -> float:
         at_work = any(goal.process is process and not goal.ended for goal in self.goals)
@@ -646,11 +663,36 @@ class SimulatedRobot:
 
 
 NO_MAP = {"data": {"contract.json": "{}", "history.json": "[]"}}
+LETTERS = "bcdfghjklmnpqrstvwxz2456789"  # apimachinery's SafeEncodeString
 INFRASTRUCTURE = (names.MASTER_NAME, names.KEEPER_NAME)
 
 
 def template_of(deployment: Object) -> str:
     return str(deployment["metadata"]["annotations"][names.ANNOTATION_HASH])
+
+
+def labels_of(pod: Pod) -> dict[str, str]:
+    return {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision, TEMPLATE_HASH: pod.hash}
+
+
+def kubernetes_hash(deployment: Object) -> str:
+    """The label pod-template-hash, with its letters."""
+    number = zlib.crc32(json.dumps(deployment["spec"]["template"], sort_keys=True).encode())
+    return "".join(LETTERS[ord(digit) % len(LETTERS)] for digit in str(number))
+
+
+def node_in_pod(deployment: Object) -> str:
+    """What the pod's node is called: by the container's argument, as Kubernetes hands it on; else by a launch file."""
+    template = deployment["spec"]["template"]
+    (container,) = template["spec"]["containers"]
+    known = {one["name"] for one in container["env"]}
+    own = names.TEMPLATE_ENV in known and f"_{kubernetes_hash(deployment)}"
+    node = str(template["metadata"]["annotations"].get(names.ANNOTATION_NODE, ""))
+    given = [word.partition(":=")[2] for word in container.get("args") or () if word.startswith("__name:=")]
+    if node and given:
+        name = given[-1].replace(f"_$({names.TEMPLATE_ENV})", own or "")
+        return f"{node.rpartition('/')[0]}/{name}"
+    return node or f"/{app_of(deployment)}_node{suffix_of(deployment)}{own or ''}"
 
 
 def tuples(lists: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:

@@ -22,6 +22,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Heard, check_value
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
@@ -50,12 +51,14 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     EPOCH,
     FOREVER,
     HOLD,
+    INFRASTRUCTURE,
     LEAST,
     Hold,
     Pod,
     Process,
     SimulatedRobot,
-    image,
+    kubernetes_hash,
+    labels_of,
     template_of,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
@@ -68,6 +71,7 @@ DAY = 86400.0
 CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait says something so often
 SILENCE = 11.0  # nobody looks at a silent run for longer than ten seconds, and what a call takes to notice
 KEY = tuple[str, str, str]  # kind, namespace, name
+RESTARTED = "kubectl.kubernetes.io/restartedAt"
 BEAT = 0.1  # seconds between two messages of a topic
 RUN = "the run"
 CLUSTER_CALLS = ("read", "apply", "delete", "rollout")
@@ -76,6 +80,8 @@ FAULTS = (
     "refused", "time-out", "slow", "stalled", "clock-ahead", "clock-back", "killed", "asleep",
     "cancelled", "cancelled-after", "lost-answer", "away-after", "half", "half-killed", "half-cancelled",
 )  # fmt: skip
+
+RESTARTED_APPS = "restarted"  # by hand, of which only apps that overlap feel nothing
 
 
 class Killed(BaseException):
@@ -112,15 +118,20 @@ class Simulation(SimulatedRobot):
         self.before: dict[KEY, dict[str, Any]] = {}  # the Deployments at the run's beginning
         self.messages: dict[str, Callable[[float], Object | None]] = {}  # topic -> its message then
         self.steps: list[float] = []  # when a Deployment was changed for a version that is to be proven
+        self.disturbed = False  # somebody else changed what the run changes
         self.unheld = True  # no call that lets goals go has met a fault
-        self.copied: dict[tuple[tuple[str, str], str], dict[str, str]] = {}  # a ReplicaSet's annotations
+        # the Deployment of each ReplicaSet, which has its template and its annotations; the latest one last
+        self.replica_sets: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
 
     # --- an operator ------------------------------------------------------------------------------------------------
 
     def install(self, robot: Robot) -> None:
         """What a first installation leaves, and other nodes that listen to all of it."""
         robot = addressed(robot)
-        first = [*namespace_objects(robot), *code_maps(robot, {}), *master_objects(robot), *app_objects(robot)]
+        self.install_objects(robot, app_objects(robot))
+
+    def install_objects(self, robot: Robot, apps: Sequence[Object]) -> None:
+        first = [*namespace_objects(robot), *code_maps(robot, {}), *master_objects(robot), *apps]
         for item in first:
             self.put(item)
             if item["kind"] == "Deployment":
@@ -143,7 +154,7 @@ class Simulation(SimulatedRobot):
         """One run with the truth of its word; None where the control node was killed."""
         self.calls, self.said, self.touched, self.silent, self.checking = [], [], set(), 0.0, settings.check
         self.faults, self.verify_seconds = {at: fault, then[0]: then[1]}, settings.verify_seconds
-        self.phase, self.phases = "", []
+        self.phase, self.phases, self.disturbed = "", [], False
         self.unheld, self.cancelled, self.begun = True, False, self.time
         before = self.before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
         engine = self.engine = Engine(
@@ -158,21 +169,34 @@ class Simulation(SimulatedRobot):
         return outcome
 
     def change_by_hand(self, key: tuple[str, str], what: str) -> None:
-        """Another image, or no pod at all; the annotations stay as they are."""
+        """`kubectl set image`, `kubectl scale`: the annotations stay as they are."""
         item = copy.deepcopy(self.objects["Deployment", *key])
-        if what == "replicas":
-            item["spec"]["replicas"] = 0
+        if what in ("0", "1"):
+            item["spec"]["replicas"] = int(what)
         else:
-            item["spec"]["template"]["spec"]["containers"][0]["image"] = image("good", 77)
-        self.objects["Deployment", *key] = {**item, "applied": {}}
+            item["spec"]["template"]["spec"]["containers"][0]["image"] = what
+        self.write(item, {**item, "applied": {}})
 
-    def undo_by_hand(self, key: tuple[str, str]) -> None:
-        """`kubectl set image`, `kubectl rollout undo`: what runs is as it was, with its ReplicaSet's annotations.
-
-        The controller copies those of the Deployment there, and takes none of them away.
-        """
+    def restart_by_hand(self, key: tuple[str, str]) -> None:
+        """`kubectl rollout restart`: a note at the template, of another manager, and nothing else."""
         item = copy.deepcopy(self.objects["Deployment", *key])
-        item["metadata"]["annotations"] |= self.copied[key, template_of(item)]
+        item["spec"]["template"]["metadata"]["annotations"][RESTARTED] = f"{self.time:.1f}"
+        self.write(item, item)
+
+    def apps(self) -> list[tuple[str, str]]:
+        found = [key[1:] for key in self.objects if key[0] == "Deployment"]
+        return [key for key in found if key[1] not in INFRASTRUCTURE]
+
+    def undo_by_hand(self, key: tuple[str, str], whole: bool = True) -> None:
+        """`kubectl rollout undo`: the template of the ReplicaSet before.
+
+        The controller copies the Deployment's annotations to its ReplicaSet, and back, and takes none of them away.
+        Not `whole`: after a `kubectl set image` that came to nothing, so what runs is as it was.
+        """
+        item, known = copy.deepcopy(self.objects["Deployment", *key]), self.replica_sets[key]
+        before = [one for name, one in known.items() if (name != kubernetes_hash(item)) == whole][-1]
+        item["metadata"]["annotations"] |= before["metadata"]["annotations"]
+        item["spec"]["template"] = before["spec"]["template"]
         self.write(item, {**item, "applied": {}})
 
     def events(self) -> str:
@@ -239,6 +263,10 @@ class Simulation(SimulatedRobot):
         self.skew += {"clock-ahead": DAY, "clock-back": -DAY}.get(fault, 0.0)
         if fault == "killed":
             raise Killed(name)
+        if fault == RESTARTED_APPS:
+            self.disturbed = True
+            for key in self.apps():
+                self.restart_by_hand(key)
         if fault == "cancelled":
             raise self.cancel()
         if fault == "asleep":  # the control node, so that nobody renews the Lease
@@ -294,8 +322,10 @@ class Simulation(SimulatedRobot):
         )  # fmt: skip
 
     def excused(self, app: str) -> bool:
-        """No gate sees what happens later."""
-        return any(pod.version.late for pod in self.pods if pod.app == app and not pod.gone)
+        """No gate sees what happens later; and somebody may want none of it."""
+        late = any(pod.version.late for pod in self.pods if pod.app == app and not pod.gone)
+        wanted = [item for key, item in self.objects.items() if key[0] == "Deployment" and key[2] == app]
+        return late or any(item["spec"].get("replicas", 1) == 0 for item in wanted)
 
     def prove(self, item: Object) -> None:
         """The engine says that this version is proven; what its pods show says whether it may."""
@@ -303,8 +333,15 @@ class Simulation(SimulatedRobot):
         if names.ANNOTATION_UPDATING in item["metadata"]["annotations"] or (key, template) in self.proven:
             return
         pods = self.of(key)
-        assert [pod.template for pod in pods] == [template], f"{key} is no proven version, for there are {pods}"
-        for pod in pods:
+        if self.disturbed:  # by then there may be another pod of it, at which nobody has looked
+            pods = [pod for pod in pods if pod.template == template]
+            assert all(pod.version.good for pod in pods), f"{key} is no proven version, for it is a bad one"
+        else:
+            there = self.objects["Deployment", *key]
+            assert [pod.hash for pod in pods] == [kubernetes_hash(there)], (
+                f"{key} is no proven version: there are {pods}"
+            )
+        for pod in () if self.disturbed else pods:
             assert pod.ready, f"{key} is no proven version, for it is not ready"
             assert pod.version.good, f"{key} is no proven version, for it is a bad one"
             assert self.time - pod.since >= self.verify_seconds, f"{key} is no proven version, for nobody looked at it"
@@ -321,7 +358,8 @@ class Simulation(SimulatedRobot):
             return
         if word == "unchanged":
             assert not {key for key in self.touched if key[2] != EVENTS_NAME}, f"unchanged, and {self.touched} was"
-        lost = "had this robot" in outcome.reason  # whoever has it now may hold goals, too; ours go after a minute
+        # whoever has it now may hold goals, too, or a server that somebody else replaced; they go after a minute
+        lost = "had this robot" in outcome.reason or self.disturbed
         if self.unheld and word != "deferred-offline" and not (away or lost):
             assert not self.mine(), f"{word}, and goals of {self.mine()} are held still"
         for result, step in zip(outcome.steps, engine.plan.steps):
@@ -337,7 +375,8 @@ class Simulation(SimulatedRobot):
                 self.word(result, key, item, before.get(key))
             if gone and result.outcome == "updated":
                 heirs = {node for other in engine.plan.steps for node in other.new_nodes.values()}
-                left = [*self.of(deployments[0][1:]), *({*step.old_nodes.values()} & {*self.registered} - heirs)]
+                old = [node for node in self.registered if is_meant(node, [*step.old_nodes.values()])]
+                left = [*self.of(deployments[0][1:]), *(node for node in old if not is_meant(node, heirs))]
                 assert deployments[0] not in self.objects and not left, f"removed, and there is {left}"
 
     def word(self, result: StepResult, key: KEY, wanted: Object, before: Object | None) -> None:
@@ -353,9 +392,9 @@ class Simulation(SimulatedRobot):
             self.is_proven(key, there, False)
 
     def is_proven(self, key: KEY, there: Object, marked: bool) -> None:
-        pods = self.of(key[1:])
-        assert [template_of(there)] == [pod.template for pod in pods], f"of {key} there are {pods}"
-        assert pods[0].version.good, f"{key} is proven, and it is a bad version"
+        pods = [pod for pod in self.of(key[1:]) if not (self.disturbed and pod.stopping)]
+        assert self.disturbed or [kubernetes_hash(there)] == [pod.hash for pod in pods], f"of {key} there are {pods}"
+        assert all(pod.version.good for pod in pods), f"{key} is proven, and it is a bad version"
         assert marked or names.ANNOTATION_UPDATING not in there["metadata"]["annotations"], f"{key} is marked still"
         assert marked or ((key[1], key[2]), template_of(there)) in self.proven, f"{key} was never proven"
 
@@ -380,6 +419,7 @@ class Simulation(SimulatedRobot):
             annotations = {**metadata["annotations"], "deployment.kubernetes.io/revision": "1"}
             after["metadata"]["annotations"] = annotations
             after["status"] = {}
+            after["spec"] = with_note(item["spec"], before)
         if not dry_run:
             if self.time:
                 new = kind == "Namespace" and before is None
@@ -393,6 +433,12 @@ class Simulation(SimulatedRobot):
             self.write(item, after)
         return Applied(ref_of(item), before, after, True)
 
+    def keep_replica_set(self, item: dict[str, Any]) -> None:
+        known = self.replica_sets.setdefault(deployment_key(item), {})
+        before = known.pop(kubernetes_hash(item), {"metadata": {"annotations": {}}})
+        notes = {**before["metadata"]["annotations"], **item["metadata"]["annotations"]}
+        known[kubernetes_hash(item)] = {**item, "metadata": {**item["metadata"], "annotations": notes}}
+
     def is_unproven(self, item: Object) -> bool:
         return (deployment_key(item), template_of(item)) not in self.proven
 
@@ -402,16 +448,13 @@ class Simulation(SimulatedRobot):
         self.objects[key] = after or {**self.objects[key], **item, "applied": item}
         self.changed()
         if item["kind"] == "Deployment":
-            self.copied.setdefault((deployment_key(item), template_of(item)), {}).update(
-                item["metadata"]["annotations"]
-            )
+            self.keep_replica_set(self.objects[key])
             self.reconcile(deployment_key(item))
             if {UPDATING, SOAKING} & {*item["metadata"]["annotations"]}:
                 self.keeper.begin()
 
 
 def pod_object(pod: Pod) -> Object:
-    labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}
     state: list[dict[str, Any]] = [{"state": {"running" if pod.up or pod.waits else "waiting": {}}, "ready": pod.ready}]
     if looping(pod):
         life = {"startedAt": "2026-11-25T14:00:00Z", "finishedAt": "2026-11-25T14:00:01Z"}
@@ -420,9 +463,17 @@ def pod_object(pod: Pod) -> Object:
     address = f"10.42.0.{pod.uid}" if pod.process else None
     ready = [{"type": "Ready", "status": str(pod.ready)}]
     return {
-        "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels},
+        "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels_of(pod)},
         "status": {"podIP": address, "containerStatuses": state, "conditions": ready},
     }
+
+
+def with_note(spec: dict[str, Any], before: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What we apply, with the note of another manager on the pod's template that was there before."""
+    noted = ((before or {}).get("spec") or {}).get("template", {}).get("metadata", {}).get("annotations") or {}
+    template = copy.deepcopy(spec["template"])
+    template["metadata"].setdefault("annotations", {}).update({k: v for k, v in noted.items() if k == RESTARTED})
+    return {**spec, "template": template}
 
 
 def field_set(item: Object) -> dict[str, Any]:
@@ -537,12 +588,12 @@ class SimulatedCluster:
             return WAIT, f"{key} is not there"
         for pod in pods:
             started_again = whole and pod.restarts > self.earlier.get(pod.uid, 0)
-            if pod.template == template_of(there) and (pod.hopeless or started_again or looping(pod)):
+            if pod.hash == kubernetes_hash(there) and (pod.hopeless or started_again or looping(pod)):
                 return FAIL, pod.hopeless or f"{key} crashes"
-        if [pod.template for pod in pods] == [template_of(there)] and pods[0].ready:
+        if [pod.hash for pod in pods] == [kubernetes_hash(there)] and pods[0].ready:
             return PASS, ""
         ready_only = "minReadySeconds" in there["spec"]
-        new = [pod for pod in pods if pod.template == template_of(there)]
+        new = [pod for pod in pods if pod.hash == kubernetes_hash(there)]
         if begun and any(pod.ready or (not ready_only and (pod.waits or pod.up)) for pod in new):
             return PASS, ""
         return WAIT, f"{key} is not rolled out"
@@ -619,7 +670,7 @@ class SimulatedHost:
             assert master
             sim.ask_master()
             for process in sim.living():
-                known = process.node in graph.names and (not nodes or process.node in nodes)
+                known = process.node in graph.names and (not nodes or is_meant(process.node, nodes))
                 if known and not sim.registered_whole(process):
                     sim.register(process)
 
@@ -628,8 +679,8 @@ class SimulatedHost:
         with sim.call("reap", 0.7):
             assert master
             sim.ask_master()
-            for node in nodes:
-                if node in sim.registered and not sim.registered[node].alive:
+            for node, process in [*sim.registered.items()]:
+                if is_meant(node, nodes) and not process.alive:
                     sim.unregister(node)
 
 
@@ -663,7 +714,8 @@ class KeeperOf:
         sim = self.sim
         if not sim.is_up(names.KEEPER_NAME):
             return "there is no keeper"
-        sim.holds[action] = Hold(sim.registered.get(server), sim.time + self.seconds, asked=True)
+        now = next((one for one in sim.state().servers(action) if is_meant(one, [server])), server)
+        sim.holds[action] = Hold(sim.registered.get(now), sim.time + self.seconds, asked=True)
         sim.later(self.seconds, lambda: sim.expire(action))
         return ""
 

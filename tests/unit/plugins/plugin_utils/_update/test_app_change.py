@@ -96,7 +96,7 @@ def test_a_new_app_is_there_or_gone() -> None:
             assert bool(sim.deployment(("robot-robot1", "driver"))) == (word == "updated")
 
 
-@pytest.mark.parametrize("by_hand", ["image", "replicas"])
+@pytest.mark.parametrize("by_hand", [image("good", 77), "0"])
 @pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
 def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by_hand: str) -> None:
     sim, wanted = begin(name, "good")
@@ -148,7 +148,7 @@ def test_an_undo_by_hand_makes_nothing_new_of_what_works(
     (changed,) = [one.name for one in first.apps]
     if not mapped:
         del sim.objects["ConfigMap", "robot-robot1", f"{changed}-update"]
-    sim.undo_by_hand(("robot-robot1", changed))
+    sim.undo_by_hand(("robot-robot1", changed), whole=False)
     goal = sim.goal("/plan", 20.0)
     sim.advance(1.0)
     found = outcome_of(sim, wanted)
@@ -164,7 +164,7 @@ def test_an_undo_by_hand_makes_nothing_new_of_what_works(
 
 def test_an_undo_by_hand_alone_costs_only_its_mark() -> None:
     sim, _wanted = installed("drain")
-    sim.undo_by_hand(("robot-robot1", "planner"))
+    sim.undo_by_hand(("robot-robot1", "planner"), whole=False)
     assert outcome_of(sim, SCENARIOS["drain"].robot(OLD)).outcome == "updated"
     assert not {"graph", "hold", "rollout", "ready"} & {*sim.calls}
     assert outcome_of(sim, SCENARIOS["drain"].robot(OLD)).outcome == "unchanged"
