@@ -35,7 +35,10 @@ notes:
     GATE = r"""
 options:
   nodes:
-    description: Nodes that must be registered and answer.
+    description:
+      - Nodes that must be registered and answer.
+      - Here and wherever a node is named, a name with its revision alone (V(/lidar_1a2b3c4d)) means the node of that
+        revision in whatever pod it is (C(/lidar_1a2b3c4d_79d9c6f8b5)).
     type: list
     elements: str
     default: []

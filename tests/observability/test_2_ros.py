@@ -56,7 +56,7 @@ def test_nobody_new_in_the_graph(fleet: Watched, robot: str) -> None:
     graph = fleet.graph(robot)
     names = {name.rsplit("_", 1)[0] for kind in graph.values() for nodes in kind.values() for name in nodes}
     assert not {name for name in names if "exporter" in name}, names
-    assert [name.rsplit("_", 1)[0] for name in graph["subscribers"][TOPIC]] == ["/temperature_stats"], graph
+    assert [name.rsplit("_", 2)[0] for name in graph["subscribers"][TOPIC]] == ["/temperature_stats"], graph
     seen = fleet.prometheus.value(f'ros_topic_subscribers{{robot="{robot}",topic="{TOPIC}"}}')
     connections = f'ros_topic_connections{{robot="{robot}",topic="{TOPIC}",direction="out"}}'
     assert seen == 1

@@ -42,10 +42,16 @@ class Pod:
     name: str
     image: str
     revision: str
+    template: str  # Kubernetes' hash of it
     ready: bool
     going: bool
     containers: tuple[str, ...]
     ended: str  # how one of its containers did last, if it was started again
+
+    @property
+    def version(self) -> str:
+        """What is behind the names of its nodes, where versions overlap."""
+        return f"{self.revision}_{self.template}"
 
 
 class Cluster:
@@ -68,6 +74,7 @@ class Cluster:
                 name=item.metadata.name,
                 image=item.spec.containers[0].image,
                 revision=labels.get("rosops.fleet/revision", ""),
+                template=labels.get("pod-template-hash", ""),
                 ready=conditions.get("Ready") == "True",
                 going=item.metadata.deletion_timestamp is not None,
                 containers=tuple(sorted(str(one.container_id) for one in statuses)),

@@ -43,7 +43,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == files[0]["content"]
     assert fleet.cluster.execute("robot1", pod.name, "sh", "-c", "command -v python3 || echo none") == "none\n"
     assert fleet.cluster.behind("robot1", "temperature") == {"debug:9000": [pod.name]}
-    assert own_parameters(fleet, "temperature") == {f"temperature_{pod.revision}": {"limits": {"most": 40, "on": True}}}
+    assert own_parameters(fleet, "temperature") == {f"temperature_{pod.version}": {"limits": {"most": 40, "on": True}}}
 
     # from one sidecar to the next, with a file and a parameter that say something else
     said = {"files": [{**files[0], "content": "most: 50\n"}], "params": {"limits": {"most": 50}}}
@@ -53,7 +53,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     (pod,) = fleet.pods()["robot1"]["temperature"]
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == "most: 50\n"
     assert fleet.cluster.behind("robot1", "temperature") == {"debug:9000": [pod.name]}
-    proven = {f"temperature_{pod.revision}": {"limits": {"most": 50, "on": True}}}  # mappings are merged by the fleet
+    proven = {f"temperature_{pod.version}": {"limits": {"most": 50, "on": True}}}  # mappings are merged by the fleet
     assert own_parameters(fleet, "temperature") == proven
     watch.assert_nothing_lost("robot1")
 

@@ -77,9 +77,9 @@ def installed(fleet: Fleet, variables: Variables) -> None:
 
 
 def nodes_of(fleet: Fleet) -> list[str]:
-    """The launch file's nodes on the graph, without their revision, which is that of the pod."""
+    """The launch file's nodes on the graph, without their version, which is that of the pod."""
     (pod,) = fleet.pods()["robot1"]["bringup"]
-    suffix = f"_{pod.revision}"
+    suffix = f"_{pod.version}"
     found = [name for name in fleet.cluster.ros_nodes("robot1", pod.name) if name.endswith(suffix)]
     return sorted(name.removesuffix(suffix).lstrip("/") for name in found)
 

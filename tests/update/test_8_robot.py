@@ -73,8 +73,8 @@ def test_a_robot_with_all_that_robots_have(fleet: Fleet, variables: Variables) -
     known = fleet.cluster.parameters("robot1", asked.name)
     assert (known["lidar"], known["controller"]) == ({"port": "/dev/null"}, {"rate": 50, "pid": {"p": 1.5}})
     nodes = fleet.cluster.ros_nodes("robot1", asked.name)
-    launched = [f"/{name}_{pods['pipeline'][0].revision}" for name in ("detect", "rectify")]
-    assert {*launched, "/lidar", f"/map_{pods['map'][0].revision}", "/controller"} <= {*nodes}
+    launched = [f"/{name}_{pods['pipeline'][0].version}" for name in ("detect", "rectify")]
+    assert {*launched, "/lidar", f"/map_{pods['map'][0].version}", "/controller"} <= {*nodes}
     look = "import urllib.request; print(urllib.request.urlopen('http://127.0.0.1:30191/').status)"
     assert fleet.hosts.ssh("robot1", f'python3 -c "{look}"').strip() == "200"
     recorded = fleet.hosts.ssh("robot1", "cat /var/lib/rancher/k3s/storage/*robot1_sensor*/scan-*.csv | wc -l")

@@ -41,7 +41,7 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
         fleet.hosts.signal("robot1", server.uid, signal.SIGCONT)
     fleet.wait_settled()
     (said,) = [one for one in fleet.cluster.events("robot1", "NodeHung") if one.startswith(sensor.name)]
-    assert said.startswith(f"{sensor.name}: node /temperature_{sensor.revision} has not answered for "), said
+    assert said.startswith(f"{sensor.name}: node /temperature_{sensor.version} has not answered for "), said
     losses = watch.losses("robot1")["robot1"]
     assert (losses.failed, losses.unsuccessful, losses.twice) == ([], [], []), losses
     assert losses.goals > 0, losses

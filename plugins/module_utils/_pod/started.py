@@ -27,18 +27,7 @@ from .._ros.names import by_pod, by_revision, is_tool, is_version, stem
 from .._ros.roslaunch import Child, children, crash
 from .._step.record import record_of
 from .._step.words import CONTRACT
-from .judge import (
-    UNCOUNTED,
-    Gap,
-    Wanted,
-    check_rates,
-    check_sums,
-    first_questions,
-    forgiven,
-    gaps,
-    judge,
-    least_rates,
-)
+from .judge import UNCOUNTED, Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .launch import MANAGER, named
 from .own_node import is_here, names_here, places, service_uris
 from .state import Settings, State, load_settings, load_state, ros_of, save_state, version_of

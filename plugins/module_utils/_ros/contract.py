@@ -271,7 +271,7 @@ def record(
     """
     taken = _Recorder(graph, nodes, renames or {}, intended)
     found = taken.contract().renamed(taken.names)
-    parts: Data = {part: tuple(sorted(getattr(found, part))) for part in ("members", "actions", "edges")}
+    parts: Data = {part: tuple(sorted({*getattr(found, part)})) for part in ("members", "actions", "edges")}
     return replace(found, **parts)
 
 
@@ -367,7 +367,9 @@ class _Recorder:
     def topics(self) -> dict[str, Published]:
         found = {}
         for name, topic in self.counted.items():
-            publishers = {key.name: self.sent(topic, key) for key in self.own(topic.publishers)}
+            # of two pods of a revision the one counts of which a rate is known
+            own = sorted(self.own(topic.publishers), key=lambda key: key in topic.rates)
+            publishers = {key.name: self.sent(topic, key) for key in own}
             if publishers:
                 of_first = publishers.get(self.nodes[0]) or next(iter(publishers.values()))
                 carried = Definition() if self.inside(topic) else Definition(known(topic.type), known(topic.md5sum))

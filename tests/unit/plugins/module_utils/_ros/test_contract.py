@@ -10,7 +10,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions as options
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import record as recorded
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Rate, ServiceProbe, StatusReading
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from, with_revisions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_answers, recorded_state
 
@@ -340,3 +340,16 @@ def test_it_is_read_with_the_names_of_revisions_whatever_pod_it_was_written_of()
     written = json.dumps(made.as_dict()).replace(NEW, f"{NEW}_79d9c6f8b5").replace(STATS_NEW, f"{STATS_NEW}_4")
     assert written.count("_79d9c6f8b5") > 10
     assert Contract.from_dict(json.loads(written)) == made
+
+
+@pytest.mark.parametrize("rated", [0, 1])
+def test_of_two_pods_of_a_revision_the_one_counts_of_which_a_rate_is_known(rated: int) -> None:
+    """One of them has only just come, or goes."""
+    pods = [f"{OLD}_{number}" for number in (4, 5)]
+    there = {
+        "nodes": {name: {**node(), "uri": f"http://{name[-1]}:1/"} for name in (*pods, "/display")},
+        "topics": {"/temperature": topic(pods, ["/display"], rates={pods[rated]: 500.0})},
+    }
+    made = recorded(with_revisions(graph_from(there)), [OLD], {OLD: NEW})
+    (sent,) = made.topics["/temperature"].publishers.values()
+    assert (made.nodes, sent.rate, made.edges) == ((NEW,), 500.0, ((NEW, "/temperature", "/display"),))
