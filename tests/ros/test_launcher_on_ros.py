@@ -88,9 +88,11 @@ def made(scene: Scene) -> None:
     scene.environment = {"ROS_PACKAGE_PATH": str(directory)}
 
 
-def start(scene: Scene, revision: str, *words: str) -> None:
-    scene.environment["ROSOPS_REVISION"] = revision
-    scene._start(revision, PYTHON, "-u", launcher.__file__, *words)
+def start(scene: Scene, version: str, *words: str) -> None:
+    """`version`: what is behind its nodes' names; without a template one of a collection up to 1.0."""
+    revision, _word, template = version.partition("_")
+    scene.environment |= {"ROSOPS_REVISION": revision, "ROSOPS_TEMPLATE_HASH": template}
+    scene._start(version, PYTHON, "-u", launcher.__file__, *words)
 
 
 def nodes(scene: Scene, revision: str) -> set[str]:
@@ -119,27 +121,32 @@ def end(scene: Scene, name: str) -> int:
 OVERLAP = ("--overlap", "--replace=driver", "--package=made", "two.launch")
 
 
-def test_two_versions_side_by_side(scene: Scene) -> None:
-    start(scene, ONE, *OVERLAP)
+@pytest.mark.parametrize(
+    ("one", "two"),
+    [(ONE, f"{TWO}_79d9c6f8b5"), (f"{ONE}_79d9c6f8b5", f"{ONE}_45678945")],
+    ids=["a version of before and one of now", "two pods of one revision"],
+)
+def test_two_versions_side_by_side(scene: Scene, one: str, two: str) -> None:
+    start(scene, one, *OVERLAP)
     # nobody knows the private name yet: the node is started once more, with it
-    until("the private name in its place", lambda: publishers(scene, "/arm/camera/image") == {f"/arm/camera_{ONE}"})
-    until("the first version", lambda: nodes(scene, ONE) == {"/arm/camera", "/driver"})
+    until("the private name in its place", lambda: publishers(scene, "/arm/camera/image") == {f"/arm/camera_{one}"})
+    until("the first version", lambda: nodes(scene, one) == {"/arm/camera", "/driver"})
     until("its tool", lambda: tools(scene) == 1)
 
-    start(scene, TWO, *OVERLAP, "gain:=2")
-    until("the second version", lambda: nodes(scene, TWO) == {"/arm/camera"})
-    both = {f"/arm/camera_{ONE}", f"/arm/camera_{TWO}"}
+    start(scene, two, *OVERLAP, "gain:=2")
+    until("the second version", lambda: nodes(scene, two) == {"/arm/camera"})
+    both = {f"/arm/camera_{one}", f"/arm/camera_{two}"}
     until("both under the name that others know", lambda: publishers(scene, "/arm/camera/image") == both)
-    assert (param(scene, f"/arm/camera_{ONE}/gain"), param(scene, f"/arm/camera_{TWO}/gain")) == (1, 2)
+    assert (param(scene, f"/arm/camera_{one}/gain"), param(scene, f"/arm/camera_{two}/gain")) == (1, 2)
     until("a tool of each one's own", lambda: tools(scene) == 2)
 
-    assert end(scene, ONE) == 0
-    until("the driver, when the old one has ended", lambda: nodes(scene, TWO) == {"/arm/camera", "/driver"})
-    assert nodes(scene, ONE) == set()
+    assert end(scene, one) == 0
+    until("the driver, when the old one has ended", lambda: nodes(scene, two) == {"/arm/camera", "/driver"})
+    assert nodes(scene, one) == set()
     # the old one's went with it; others read the node's parameter by the name that they know
-    assert param(scene, "/arm") == {"camera": {"gain": 2}, f"camera_{TWO}": {"gain": 2}}
+    assert param(scene, "/arm") == {"camera": {"gain": 2}, f"camera_{two}": {"gain": 2}}
     assert len(param(scene, "/roslaunch/uris")) == 1
-    assert end(scene, TWO) == 0
+    assert end(scene, two) == 0
 
 
 def test_a_version_that_would_change_what_the_old_one_reads_does_not_begin(scene: Scene) -> None:

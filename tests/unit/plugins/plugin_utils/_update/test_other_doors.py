@@ -84,7 +84,7 @@ def test_a_version_that_was_found_good_is_restarted_by_hand_in_its_soak(name: st
 
 
 @pytest.mark.parametrize("version", ["good", "half-the-rate", "crashes-when-ready"])
-@pytest.mark.parametrize("name", ["overlap", "group"])
+@pytest.mark.parametrize("name", ["overlap", "group", "launch"])
 def test_a_restart_by_hand_at_every_call_of_a_run(name: str, version: str) -> None:
     """Whatever becomes of that run, the next ones come to what they always come to."""
     sim, wanted = begin(name, version)
