@@ -391,6 +391,36 @@ def test_whose_goals_cannot_be_read(seen: dict[str, Any], seconds: int) -> None:
     assert world.revision("camera") == "rev1"
 
 
+@pytest.mark.parametrize(
+    ("servers", "held"),
+    [
+        (["/camera_11111111_4", "/camera_22222222_5"], []),  # two of them: nobody can say whose goals they are
+        (["/camera_22222222_5"], [("/dock", "/camera_22222222_5")]),
+        (["/camera_11111111_4"], []),  # the old one works on by itself
+    ],
+)
+def test_nodes_of_overlapping_versions_are_known_in_their_pods(servers: list[str], held: list[tuple[str, str]]) -> None:
+    world = World()
+    new, old = version("camera", 2, node="/camera_22222222"), version("camera", 1, node="/camera_11111111")
+    world.put(live(new), left(old, actions=["/dock"], ready_timeout=60))
+    world.leases_now[NAMESPACE] = lease("host 77")
+    world.serve("/dock", *servers)
+    world.goals = {"/camera_11111111_4": busy(ACTIVE), "/camera_22222222_5": busy()}
+    world.run(200)
+    assert (world.revision("camera"), world.held) == ("rev1", held), world.said
+
+
+def test_a_goal_that_a_new_node_has_in_its_pod_is_waited_for() -> None:
+    """Of an action, too, that the version before had not."""
+    world = World()
+    world.put(live(version("camera", 2, node="/camera_22222222")), left(version("camera", 1), ready_timeout=60))
+    world.leases_now[NAMESPACE] = lease("host 77")
+    world.serve("/dock", "/camera_22222222_5")
+    world.goals = {"/camera_22222222_5": busy(ACTIVE)}
+    world.run(100)
+    assert world.revision("camera") == "rev2"
+
+
 def test_the_old_nodes_goals_are_its_own() -> None:
     """Overlapping: the old one works on, and is not touched."""
     world = left_alone(ready_timeout=60)

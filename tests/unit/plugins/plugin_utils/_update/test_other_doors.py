@@ -11,7 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
@@ -27,6 +27,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
     RESTARTED_APPS,
+    SimulatedHost,
     Simulation,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed
@@ -152,6 +153,18 @@ def test_none_by_hand_ends_cleanly_and_one_is_as_it_was(name: str) -> None:
     sim.settle(60.0)
     assert outcome_of(sim, wanted).outcome == "updated"
     assert_at_rest(sim)
+
+
+def test_the_way_back_registers_the_old_node_by_the_name_that_it_has_in_its_pod(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sim, _wanted = proven("overlap")
+    (pod,), given = sim.of(("robot-robot1", "sensor")), list[Graph]()
+    monkeypatch.setattr(SimulatedHost, "register", lambda _host, _master, graph, _nodes: given.append(graph))
+    bad = SCENARIOS["overlap"].robot(image("half-the-rate", 8))
+    assert outcome_of(sim, bad).outcome == "rolled-back"
+    (graph,) = given
+    assert pod.node in graph.names and graph.node(pod.node).services == ("/calibrate",)
 
 
 # ---- fleets of collections up to 1.0
