@@ -156,8 +156,8 @@ class Conditions:
 
     def renamed(self, renames: Mapping[str, str]) -> Conditions:
         """The same after nodes' renaming. What messages say is left as it is."""
-        parts = {one.name: _renamed(getattr(self, one.name), renames) for one in fields(self)}
-        return replace(Conditions(**parts), values=self.values)
+        found: Conditions = _renamed(self, renames)
+        return replace(found, values=self.values)
 
 
 def _renamed(part: Any, renames: Mapping[str, str]) -> Any:
@@ -166,8 +166,8 @@ def _renamed(part: Any, renames: Mapping[str, str]) -> Any:
         return renamed(part, renames)
     if isinstance(part, tuple):
         return tuple(_renamed(one, renames) for one in part)
-    if is_dataclass(part):
-        return type(part)(**{one.name: _renamed(getattr(part, one.name), renames) for one in fields(part)})
+    if is_dataclass(part) and not isinstance(part, type):
+        return replace(part, **{one.name: _renamed(getattr(part, one.name), renames) for one in fields(part)})
     return part
 
 
