@@ -275,11 +275,15 @@ def record(
     return replace(found, **parts)
 
 
+def _streams(graph: Graph, nodes: Sequence[str], intended: Intended) -> dict[str, Published]:
+    """What the nodes publish of which `record` takes down a rate: topics of actions have none of their own."""
+    taken = _Recorder(graph, nodes, {}, intended)
+    return {name: topic for name, topic in taken.contract().topics.items() if name not in taken.of_actions}
+
+
 def rated(graph: Graph, nodes: Sequence[str], intended: Intended) -> set[str]:
     """Those of the nodes that publish something at a rate that `record` would take down."""
-    taken = _Recorder(graph, nodes, {}, intended)
-    topics = taken.contract().topics.items()
-    return {node for name, topic in topics if name not in taken.of_actions for node in topic.publishers}
+    return {node for topic in _streams(graph, nodes, intended).values() for node in topic.publishers}
 
 
 def untold(graph: Graph, nodes: Sequence[str], intended: Intended) -> dict[str, str]:
@@ -288,10 +292,9 @@ def untold(graph: Graph, nodes: Sequence[str], intended: Intended) -> dict[str, 
     So many have a rate. A machine that stood still while they were counted hides it, and a next version that sends
     hardly any would be held to nothing.
     """
-    taken = _Recorder(graph, nodes, {}, intended)
     found: dict[str, str] = {}
-    for name, topic in taken.contract().topics.items():
-        for node, sent in topic.publishers.items() if name not in taken.of_actions else ():
+    for name, topic in _streams(graph, nodes, intended).items():
+        for node, sent in topic.publishers.items():
             hz = graph.topic(name).unsteady.get(graph.node(node).key, 0.0)
             if hz >= DENSE and sent.rate is None and sent.least is None:
                 found[node] = f"{node} sends {hz:.0f} messages a second on {name}, too unevenly to tell its rate"
