@@ -14,7 +14,7 @@ import time
 
 from .._common.errors import KubeError
 from .._ros.client import Ros1Client
-from .._ros.raw_node import Slave
+from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import KEEPER_PORT
@@ -80,7 +80,7 @@ def main(words: list[str]) -> int:
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
     keeper = Keeper(ros, kept, tell, uri=slave.uri)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
-    slave.ready_when(lambda: keeper.complete)
+    slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))
     slave.register({"paramUpdate": keeper.parameter_changed})
     cluster: Cluster | None = None
     try:

@@ -11,7 +11,8 @@ import socketserver
 import struct
 import threading
 import xmlrpc.client
-from typing import Any, Callable, Mapping
+from typing import Any, Callable, Mapping, NamedTuple
+from urllib.parse import parse_qsl
 
 from .._common.errors import RosError
 from .replies import loads
@@ -23,11 +24,32 @@ from .transport import MAX_HEADER, read_frame
 SEND_SECONDS = 5.0
 MAX_CALL = 4 * 1024 * 1024  # bytes of a call
 POLL = 1.0  # between looks at whether it is to stop
-READY_PATH = "/ready"
+
+
+class Asked(NamedTuple):
+    """A request that is no XML-RPC. `path` has no query, `method` is in capitals."""
+
+    method: str
+    path: str
+    query: Mapping[str, str] = {}
+    headers: Mapping[str, str] = {}
+    body: bytes = b""
+
+
+class Said(NamedTuple):
+    """What is answered to it."""
+
+    status: int
+    body: bytes = b""
+    kind: str = "text/plain"
+    headers: Mapping[str, str] = {}
+
+
+Page = Callable[[Asked], Said]
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):
-    """XML-RPC, and the probe. The library's own server loads its documentation with it, a megabyte."""
+    """XML-RPC, and pages. The library's own server loads its documentation with it, a megabyte."""
 
     protocol_version = "HTTP/1.1"  # as rospy's: clients keep their connection
     timeout = 30
@@ -36,15 +58,36 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        self._answer(404 if self.path != READY_PATH else 200 if self.server.ready() else 503)
+        self._say(self._shown(self._page() or (lambda _asked: Said(404))))
 
     def do_POST(self) -> None:
+        page = self._page()
+        if page:
+            self._say(self._shown(page))
+            return
         try:
             params, method = loads(self.rfile.read(self._size()))
             reply: Any = (self.server.methods[str(method)](*params),)
         except Exception as error:  # of whoever calls; the node works on
             reply = xmlrpc.client.Fault(1, f"{type(error).__name__}: {error}")
-        self._answer(200, xmlrpc.client.dumps(reply, methodresponse=True, allow_none=True).encode())
+        self._say(Said(200, xmlrpc.client.dumps(reply, methodresponse=True, allow_none=True).encode(), "text/xml"))
+
+    def _page(self) -> Page | None:
+        """That of the path, or of the longest directory above it."""
+        path = self.path.partition("?")[0]
+        above = [f"{path[: place + 1]}" for place, letter in enumerate(path) if letter == "/"]
+        found = [self.server.pages[one] for one in (path, *reversed(above)) if one in self.server.pages]
+        return found[0] if found else None
+
+    def _shown(self, page: Page) -> Said:
+        try:
+            return page(self._asked())
+        except Exception as error:  # of whoever asks; the node works on
+            return Said(400 if isinstance(error, RosError) else 500, f"{type(error).__name__}: {error}".encode())
+
+    def _asked(self) -> Asked:
+        path, _mark, query = self.path.partition("?")
+        return Asked(self.command, path, dict(parse_qsl(query)), self.headers, self.rfile.read(self._size()))
 
     def _size(self) -> int:
         """The bytes of the call."""
@@ -54,15 +97,17 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             raise RosError(f"a call has 0 to {MAX_CALL} bytes")
         return int(said)
 
-    def _answer(self, status: int, body: bytes = b"") -> None:
-        self.send_response(status)
-        if body:
-            self.send_header("Content-Type", "text/xml")
+    def _say(self, said: Said) -> None:
+        self.send_response(said.status)
+        if said.body:
+            self.send_header("Content-Type", said.kind)
+        for name, value in said.headers.items():
+            self.send_header(name, value)
         if self.close_connection:
             self.send_header("Connection", "close")
-        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Content-Length", str(len(said.body)))
         self.end_headers()
-        self.wfile.write(body)
+        self.wfile.write(said.body)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Probes and calls are not worth a line."""
@@ -77,7 +122,7 @@ class _Server(socketserver.ThreadingMixIn, socketserver.TCPServer):
     def __init__(self, address: tuple[str, int]) -> None:
         super().__init__(address, _Handler)
         self.methods: dict[str, Callable[..., Any]] = {}
-        self.ready: Callable[[], bool] = lambda: True
+        self.pages: dict[str, Page] = {}
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A client that hung up is not our error."""
@@ -184,9 +229,9 @@ class Slave:
         """Answer these XML-RPC methods, too; before start()."""
         self.server.methods.update(methods)
 
-    def ready_when(self, true: Callable[[], bool]) -> None:
-        """What its answer to the readiness probe depends on; without it, on nothing but its being there."""
-        self.server.ready = true
+    def show(self, path: str, page: Page) -> None:
+        """Answer there; a path that ends with `/` has all that are below it, too. Before start()."""
+        self.server.pages[path] = page
 
     def start(self) -> None:
         threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": POLL}, daemon=True).start()

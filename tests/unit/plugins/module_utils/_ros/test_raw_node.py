@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Said, Slave
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import TopicStream
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
@@ -88,15 +88,22 @@ def test_another_md5sum_is_refused(slave: Slave) -> None:
     assert not publication.refusal({})
 
 
-def test_its_own_calls_and_the_probe(slave: Slave) -> None:
+def test_its_own_calls_and_its_pages(slave: Slave) -> None:
     assert xmlrpc.client.ServerProxy(slave.uri).twice(21) == 42
-    ready = [True]
-    slave.ready_when(lambda: ready[0])
-    for path, status in (("/ready", 200), ("/other", 404), ("/ready", 503)):
-        ready[0] = status == 200
+    slave.show("/ready", lambda _asked: Said(503))
+    slave.show("/v1/", lambda asked: Said(200, repr((asked.method, asked.path, asked.query, asked.body)).encode()))
+    slave.show("/v1/bad", lambda _asked: Said(200, b"".join(["no"])))  # type: ignore[list-item] # that is what is bad
+    for method, path, status, said in (
+        ("GET", "/ready", 503, ""),
+        ("GET", "/other", 404, ""),
+        ("GET", "/v1/app?name=a", 200, "('GET', '/v1/app', {'name': 'a'}, b'')"),
+        ("POST", "/v1/app", 200, "('POST', '/v1/app', {}, b'x')"),
+        ("GET", "/v1/bad", 500, "TypeError: sequence item 0: expected a bytes-like object, str found"),
+    ):
         link = http.client.HTTPConnection("127.0.0.1", slave.server.server_address[1], timeout=2)
-        link.request("GET", path)
-        assert link.getresponse().status == status
+        link.request(method, path, b"x" if method == "POST" else None)
+        answer = link.getresponse()
+        assert (answer.status, answer.read().decode()) == (status, said)
         link.close()
 
 
