@@ -23,7 +23,7 @@ HOST_ROOMS: dict[str, tuple[str, ...]] = {
     "_ros": ("_common",),
     "_step": ("_common", "_ros"),
     "_pod": ("_common", "_ros", "_step"),
-    "_robot": ("_common", "_ros", "_step"),
+    "_robot": ("_common", "_ros", "_step", "_pod"),
     "_exporter": ("_common", "_ros"),
     "_host": ("_common", "_ros", "_step"),
     "_rehearsal": (),

@@ -17,7 +17,7 @@ from .._common.errors import RefusalError, RosError
 from .._ros.client import Ros1Client
 from .._ros.rpc import Request
 from .kept_params import PRIVATE, Space, Values, full, merge
-from .state import CALLER, Settings, load_settings, ros_of, version_of
+from .state import CALLER, Settings, load_settings, ros_of
 
 SECONDS = 5.0  # for the master
 
@@ -26,10 +26,10 @@ def assignments(settings: Settings) -> Values:
     return {full(name, settings.node): value for name, value in settings.params.items()}
 
 
-def leavings(settings: Settings, version: str) -> list[str]:
+def leavings(settings: Settings) -> list[str]:
     """What has to go with the node: names of parameters, or of a namespace of them."""
     node = settings.node
-    if version and node.endswith(f"_{version}"):
+    if settings.version and node.endswith(f"_{settings.version}"):
         return [node]
     return [full(name, node) for name in settings.params if name.startswith(PRIVATE)]
 
@@ -42,7 +42,7 @@ def set_all(environ: Mapping[str, str]) -> str:
     try:
         ros = ros_of(environ, SECONDS)
         if settings.keep_params:
-            wanted, spent = _with_kept(wanted, settings, version_of(environ), ros)
+            wanted, spent = _with_kept(wanted, settings, ros)
         results = ros.calls(_change(spent, wanted))
     except RosError as error:
         return str(error)
@@ -52,13 +52,12 @@ def set_all(environ: Mapping[str, str]) -> str:
 
 def forget(settings: Settings, seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    version = version_of(os.environ)
     keep = [name for name in settings.keep_params if name.startswith(PRIVATE)]
-    names = leavings(settings, version)
+    names = leavings(settings)
     left: Values = {}
     if keep:
         seconds /= 2  # a question, and what follows from it
-        space, _public = _look(ros_of(os.environ, seconds), settings.node, version, [])
+        space, _public = _look(ros_of(os.environ, seconds), settings.node, settings.version, [])
         names.append(_whole(space.place, settings.node))
         left = {_whole(name, settings.node): value for name, value in space.left(keep).items()}
     if names:
@@ -74,10 +73,10 @@ def _whole(name: str, node: str) -> str:
     return f"{node.rpartition('/')[0]}/{name}"
 
 
-def _with_kept(given: Values, settings: Settings, version: str, ros: Ros1Client) -> tuple[Values, list[str]]:
+def _with_kept(given: Values, settings: Settings, ros: Ros1Client) -> tuple[Values, list[str]]:
     """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
     node, keep = settings.node, [name for name in settings.keep_params if name.startswith(PRIVATE)]
-    space, public = _look(ros, node, version, [name for name in settings.keep_params if name not in keep])
+    space, public = _look(ros, node, settings.version, [name for name in settings.keep_params if name not in keep])
     source = space.source()
     found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
     merged = merge(given, {**public, **found}, node)

@@ -25,12 +25,12 @@ from .._ros.gate import Silence, rate_window
 from .._ros.graph import Graph, Node, host_of
 from .._ros.names import by_pod, by_revision, is_tool, is_version, stem
 from .._ros.roslaunch import Child, children, crash
-from .._step.record import record_of
-from .._step.words import CONTRACT
+from .._step.record import Record, record_of
+from .._step.words import CONTRACT, HOPELESS
 from .judge import UNCOUNTED, Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .launch import MANAGER, named
 from .own_node import is_here, names_here, places, service_uris
-from .state import Settings, State, load_settings, load_state, ros_of, save_state, version_of
+from .state import Settings, State, load_settings, load_state, ros_of, save_state
 
 HERE = Path(__file__).parent
 SECONDS = 10.0  # of looking in one call, before a reason is given
@@ -49,7 +49,10 @@ def main(_words: list[str]) -> int:
     before = load_state(settings.node)
     ros = ros_of(os.environ)
     here, there = partial(names_here, ros, settings), partial(places, ros, settings)
-    outside = Outside(run_command, here, there, partial(children, ros), partial(introduce, ros))
+    outside = Outside(
+        run_command, here, is_here, there, partial(children, ros), partial(introduce, ros),
+        lambda: load_owed(settings), save_state,
+    )  # fmt: skip
     reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings.node, State(failed=reason))
@@ -69,13 +72,21 @@ def introduce(ros: Ros1Client, subscribers: Mapping[Gap, Node]) -> None:
 
 @dataclass(frozen=True)
 class Outside:
-    """What a look needs beside the graph: the app's command, which nodes are this pod's, and the clocks."""
+    """What a look needs beside the graph: the app's command, which nodes are this pod's, what it owes, and the clocks.
+
+    A pod looks at itself, or the robot's resident process looks at it (`_robot/readiness.py`).
+    """
 
     run: Callable[[list[str], float], str]  # why it failed
     here: Callable[[MasterState], Mapping[str, str]]  # name -> address
+    is_here: Callable[[str], bool]  # whether the address is one of this pod
     places: Callable[[MasterState], Mapping[str, str]]  # the same of all nodes that may be the app's
     children: Callable[[Collection[str]], Iterable[Child]]  # what roslaunch at these addresses started
     introduce: Callable[[Mapping[Gap, Node]], None]  # tell the subscriber of each gap who publishes its topic
+    owed: Callable[[], Owed]
+    keep: Callable[[str, State], object]  # where the node is, once it is found
+    # the graph with what these nodes of versions before send, for whoever has the time to listen
+    measured: Callable[[Graph, Sequence[str]], Graph] = lambda graph, _nodes: graph
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
 
@@ -108,27 +119,33 @@ class Owed:
     ignore: tuple[str, ...] = ()
 
 
-def load_owed(environ: Mapping[str, str], directory: Path = HERE) -> Owed:
-    """By the file that a step writes beside the pod.
-
-    It counts until its version is proven. No clock ends it: a version that nobody proved is no better for waiting.
-    """
+def load_owed(settings: Settings, directory: Path = HERE) -> Owed:
+    """By the file that a step writes beside the pod."""
     try:
         found = record_of({"data": {CONTRACT: (directory / CONTRACT).read_text("utf-8")}})
     except (OSError, ValueError):
         return Owed()
+    return owed_by(found, settings.revision)
+
+
+def owed_by(found: Record, revision: str) -> Owed:
+    """By a step's record, for a pod of that revision.
+
+    It counts until its version is proven. No clock ends it: a version that nobody proved is no better for waiting.
+    """
     # from when it is judged on the keeper looks at it
     if found.proven or found.soak or not found.contract.nodes:
         return Owed(ignore=found.ignore)
-    meant = found.revision == environ.get("ROSOPS_REVISION", "")
-    return Owed(found.contract, "", found.ignore) if meant else Owed(None, found.revision, found.ignore)
+    if found.revision == revision:
+        return Owed(found.contract, "", found.ignore)
+    return Owed(None, found.revision, found.ignore)
 
 
 def message(checks: list[Check]) -> str:
     """One line; the same as long as nothing changes, so that Kubernetes counts an event instead of making new ones."""
     worst = overall([check.verdict for check in checks])
-    how = "cannot become ready" if worst == FAIL else "not ready"
-    return f"{how}: " + "; ".join(str(check) for check in checks if check.verdict == worst)
+    how = HOPELESS if worst == FAIL else "not ready: "
+    return how + "; ".join(str(check) for check in checks if check.verdict == worst)
 
 
 def _fallen(child: Child, said: str) -> Check:
@@ -156,7 +173,7 @@ class Starting:
         reason = self.outside.run(command, COMMAND_TIMEOUT) if command else ""
         checks = [Check("command", "readiness", WAIT, reason)] if reason else []
         # read at every look: an update's contract may come to the pod after it has started
-        owed = load_owed(os.environ)
+        owed = self.outside.owed()
         if not (self.settings.expect_node or self.settings.launch or owed.contract):
             return checks
         try:
@@ -176,7 +193,7 @@ class Starting:
         began = self.now()
         graph = self.ros.ask(state, first_questions(state, found))
         own = [graph.node(name) for name in found]
-        elsewhere = [node for node in own if node.reachable and not is_here(node.uri)]
+        elsewhere = [node for node in own if node.reachable and not self.outside.is_here(node.uri)]
         if elsewhere:
             node = elsewhere[0]
             return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
@@ -189,7 +206,7 @@ class Starting:
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
             if self.settings.expect_node and all(check.verdict == PASS for check in checks):
                 uris = service_uris(graph.services, own[0].services)
-                save_state(own[0].name, State(own[0].uri, own[0].pid, uris))
+                self.outside.keep(own[0].name, State(own[0].uri, own[0].pid, uris))
         return checks
 
     def _own(self, state: MasterState) -> tuple[tuple[str, ...], list[Check]]:
@@ -220,7 +237,8 @@ class Starting:
         heard = [name for node in before for topic in state.graph.node(node).publications if topic not in UNCOUNTED
                  for name in state.subscribers.get(topic, ()) if not is_tool(name)]  # fmt: skip
         wanted = replace(wanted, nodes={**dict.fromkeys(heard, frozenset()), **wanted.nodes})
-        found = record(self.ros.ask(state, wanted), [*before], before, Intended(owed.ignore))
+        graph = self.outside.measured(self.ros.ask(state, wanted), [*before])
+        found = record(graph, [*before], before, Intended(owed.ignore))
         return found if found.nodes else None
 
     def _before(self, state: MasterState, own: Sequence[str], other: str) -> dict[str, str]:
@@ -229,7 +247,7 @@ class Starting:
         Without those of a revision that is on trial: this pod is older, and was only started once more. And without
         those of which there must not be two: they begin when the others have ended.
         """
-        suffix = f"_{version_of(os.environ)}"
+        suffix = f"_{self.settings.version}"
         bases = [node[: -len(suffix)] for node in own if node.endswith(suffix)]
         found = [node for node in state.nodes() if node not in own and any(is_version(node, base) for base in bases)]
         found = [node for node in found if not (other and by_revision(node).endswith(f"_{other}"))]
@@ -243,7 +261,7 @@ class Starting:
 
     def _misplaced(self, state: MasterState, own: Iterable[str]) -> list[Check]:
         """Private names of this version alone: the launcher is about to give them the place that others know."""
-        suffix = f"_{version_of(os.environ)}"
+        suffix = f"_{self.settings.version}"
         renamed = [node for node in own if node.endswith(suffix) and self.settings.launch == "overlap"]
         named = (name for part in (state.publishers, state.subscribers, state.services) for name in part)
         kept = {f"{node}/{word}" for node in renamed for word in MANAGER}

@@ -22,7 +22,11 @@ Said = TypeVar("Said")
 
 @dataclass(frozen=True)
 class Settings:
-    """Of the app, as `pod_settings.py` of the control node writes them; names are whole ones of this version."""
+    """Of the app, as `pod_settings.py` of the control node writes them; names are whole ones of this version.
+
+    `revision` and `version` are the pod's: of its template, and what is behind the names of its nodes where versions of
+    its app overlap (`_ros/names.py`).
+    """
 
     node: str
     expect_node: bool = False  # the app's node has that name; others are found by the pod's address
@@ -39,6 +43,8 @@ class Settings:
     on_demand: bool = False  # what it has on the graph is its clients' wish
     params: Mapping[str, Any] = field(default_factory=dict)
     keep_params: Sequence[str] = ()
+    revision: str = ""
+    version: str = ""
 
 
 @dataclass(frozen=True)
@@ -61,12 +67,9 @@ def load_settings(environ: Mapping[str, str]) -> Settings:
     node = f"{found.node.rpartition('/')[0]}/{name}" if name else found.node
     actions = [resolve(action, node=node) for action in found.actions]
     rates = {resolve(topic, node=node): hz for topic, hz in found.min_rates.items()}
-    return replace(found, node=node, actions=actions, min_rates=rates)
-
-
-def version_of(environ: Mapping[str, str]) -> str:
-    """What is behind the names of this pod's nodes, where versions of its app overlap (`_ros/names.py`)."""
-    return "_".join(filter(None, (environ.get("ROSOPS_REVISION"), environ.get("ROSOPS_TEMPLATE_HASH"))))
+    revision, template = environ.get("ROSOPS_REVISION", ""), environ.get("ROSOPS_TEMPLATE_HASH", "")
+    version = "_".join(filter(None, (revision, template)))
+    return replace(found, node=node, actions=actions, min_rates=rates, revision=revision, version=version)
 
 
 def state_file(node: str) -> str:

@@ -9,7 +9,7 @@ import ssl
 import threading
 import time
 from pathlib import Path
-from typing import Callable, Iterable, Mapping
+from typing import Callable, Iterable, Iterator, Mapping
 from urllib.parse import urlencode
 
 from .._common.errors import FleetError, KubeError
@@ -29,6 +29,9 @@ GROUPS = {
     "Pod": "api/v1",
 }
 JSON, APPLY, MERGE = "application/json", "application/apply-patch+yaml", "application/merge-patch+json"
+STRATEGIC = "application/strategic-merge-patch+json"
+# A watch ends by itself, as one over a link that was cut is told of nothing for ever.
+WATCH_SECONDS, SILENT_SECONDS = 15, 20.0
 
 
 class ApiError(KubeError):
@@ -105,6 +108,33 @@ class Cluster:
 
     def pods(self, namespace: str) -> list[Object]:
         return self._list(_path(namespace, "Pod"), OURS)
+
+    def pods_since(self, namespace: str) -> tuple[list[Object], str]:
+        """The same, and from which version on a watch goes on from there."""
+        found = self._send("GET", _path(namespace, "Pod"), {"labelSelector": OURS})
+        return list(found.get("items") or []), str(found["metadata"]["resourceVersion"])
+
+    def watch_pods(self, namespace: str, version: str) -> Iterator[Object]:
+        """What happens to them from that version on, for some seconds: `{type, object}` as the API sends it."""
+        query = {"labelSelector": OURS, "watch": "1", "allowWatchBookmarks": "1", "resourceVersion": version}
+        path = f"{_path(namespace, 'Pod')}?{urlencode({**query, 'timeoutSeconds': str(WATCH_SECONDS)})}"
+        link = self._connection(SILENT_SECONDS)
+        try:
+            link.request("GET", path, headers=self._headers())
+            answer = link.getresponse()
+            if answer.status >= 300:
+                raise ApiError(f"the Kubernetes API answered {answer.status} to a watch of {namespace}", answer.status)
+            for line in answer:
+                yield json.loads(line)
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            raise self._unreachable(error) from error
+        finally:
+            link.close()
+
+    def set_condition(self, namespace: str, pod: Object, condition: Object) -> None:
+        """One of this very pod's."""
+        body = {"metadata": {"uid": pod["metadata"]["uid"]}, "status": {"conditions": [condition]}}
+        self._send("PATCH", f"{_path(namespace, 'Pod', name_of(pod))}/status", {}, body, STRATEGIC)
 
     def config_map(self, namespace: str, name: str) -> Object | None:
         return self._get(_path(namespace, "ConfigMap", name), {})
@@ -184,8 +214,7 @@ class Cluster:
         kept = self._link is not None
         try:
             link = self._link = self._link or self._connection()
-            headers = {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {self._token()}"}
-            link.request(method, target, data, {**headers, **({"Content-Type": content} if data else {})})
+            link.request(method, target, data, {**self._headers(), **({"Content-Type": content} if data else {})})
             answer = link.getresponse()
             return answer.status, answer.read()
         except (OSError, http.client.HTTPException, ValueError) as error:
@@ -194,13 +223,18 @@ class Cluster:
             self._link = None
             if kept:
                 return self._exchange(method, target, data, content)
-            what = str(error) or type(error).__name__
-            raise ApiError(f"the Kubernetes API at {self.host} cannot be reached: {what}") from error
+            raise self._unreachable(error) from error
 
-    def _connection(self) -> http.client.HTTPSConnection:
+    def _unreachable(self, error: Exception) -> ApiError:
+        return ApiError(f"the Kubernetes API at {self.host} cannot be reached: {str(error) or type(error).__name__}")
+
+    def _headers(self) -> dict[str, str]:
+        return {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {self._token()}"}
+
+    def _connection(self, seconds: float = SECONDS) -> http.client.HTTPSConnection:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         context.load_verify_locations(str(self.account / "ca.crt"))
-        return http.client.HTTPSConnection(self.host, self.port, timeout=SECONDS, context=context)
+        return http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
 
     def _token(self) -> str:
         """Read anew each time: the kubelet renews it."""

@@ -17,13 +17,14 @@ from .._ros.client import Ros1Client
 from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
-from .._step.words import KEEPER_PORT
+from .._step.words import FLEET, KEEPER_PORT
 from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .goal_forwarding import SWITCHED_OFF, GoalForwarding
 from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
 from .memory import KeptFiles
 from .open_goals import Staying
+from .readiness import Readiness
 from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
@@ -103,6 +104,9 @@ def main(words: list[str]) -> int:
         robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence)
         watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, kept, tell)
         threading.Thread(target=watch.run, daemon=True).start()
+        if cluster.home != FLEET:  # a shared master's keeper is no robot's
+            gates = Readiness(cluster, uri, latched.keep, tell)
+            threading.Thread(target=gates.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while not told_to_end(pause):

@@ -29,7 +29,12 @@ NUMBERS = 1 << 32
 
 
 def has_number(header: Mapping[str, str]) -> bool:
-    """By its publisher's header the message begins with a Header, and that with its number."""
+    """By its publisher's header the message begins with a Header, and that with its number.
+
+    One that latches says nothing with it: rospy counts what it gives to each that comes later, too.
+    """
+    if header.get("latching") == "1":
+        return False
     try:
         definition = Definition(header.get("type", ""), header.get("message_definition", ""))
     except RosError:

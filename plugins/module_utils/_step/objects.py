@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any, Dict, Iterable, Iterator, Mapping, Sequence
 
 from .._ros.graph import host_of
-from .words import APP, HANDOFF, HASH, NODE, REVISION
+from .words import APP, HANDOFF, HASH, NODE, READINESS, REVISION
 
 STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
 IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
@@ -93,6 +93,16 @@ def is_ready(pod: Object) -> bool:
     conditions = (pod.get("status") or {}).get("conditions") or []
     ready = any(one.get("type") == "Ready" and one.get("status") == "True" for one in conditions)
     return ready and not is_terminating(pod)
+
+
+def gate_of(pod: Object) -> Object | None:
+    """The condition by which our readiness gate lets the pod be Ready, empty as long as nobody has looked at it.
+
+    None: the pod has no such gate.
+    """
+    gates = [one.get("conditionType") for one in (pod.get("spec") or {}).get("readinessGates") or ()]
+    said = (pod.get("status") or {}).get("conditions") or ()
+    return next((one for one in said if one.get("type") == READINESS), {}) if READINESS in gates else None
 
 
 def crashes(pod: Object) -> bool:

@@ -16,6 +16,11 @@ NODE = "rosops.fleet/ros-node"
 HANDOFF = "rosops.fleet/handoff"
 LIVENESS = "rosops.fleet/liveness-timeout"  # where it is another one than the usual
 LIVENESS_TIMEOUT, LIVENESS_LEAST = 120, 30  # s, the usual, and the shortest that an inventory may say
+SETTINGS = "rosops.fleet/settings"  # what is to be seen of it on the graph, where nothing of ours is in the pod
+# a pod's readiness gate, and its container of which that tells
+READINESS = "rosops.fleet/ready"
+CONTAINER = "ros-app"
+HOPELESS = "cannot become ready: "  # begins a reason that waiting does not mend
 # annotations of a Deployment
 HASH = "rosops.fleet/spec-hash"  # of what was applied; of a pod template, too
 UPDATING = "rosops.fleet/updating"  # the mark of a step: see `record.Mark`

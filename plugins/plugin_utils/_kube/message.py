@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 from ...module_utils._common.poll import PASS
 from ...module_utils._step.objects import Object, is_terminating, name_of
+from ...module_utils._step.words import HOPELESS
 from .._model.names import SIDECAR
 from .cache import Ref, View
 from .client import Kube
 from .connection import ApiError
 from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
 
-HOPELESS = "cannot become ready: "
 COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
 FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
 _HEAD = re.compile(r"\w+ probe failed: ?")

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ...module_utils._common.poll import FAIL, WAIT
-from ...module_utils._step.objects import Object, is_terminating, name_of
+from ...module_utils._step.objects import Object, gate_of, is_terminating, name_of
+from ...module_utils._step.words import HOPELESS, READINESS
 
 # The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
 IMAGE_ERRORS = frozenset(
@@ -22,6 +23,7 @@ UNSCHEDULABLE, REFUSED = "Unschedulable", "ReplicaFailure"
 # These say that the kubelet itself was too slow, not that the configuration is wrong.
 KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
 NO_PYTHON = '"python3": executable file not found in $PATH'
+UNSEEN = "nobody has looked at it yet (kubectl logs deploy/ros-keeper)"
 HINT = "the image has no Python 3.8 for our code in the pod: write hooks: sidecar, with host_network hooks: none"
 
 
@@ -143,6 +145,9 @@ def trouble(pod: Object) -> Verdict | None:
         if found and found.verdict == FAIL:
             return found
         suspect = suspect or found
+    told = str((gate_of(pod) or {}).get("message") or "")
+    if told.startswith(HOPELESS):
+        return Verdict(FAIL, f"{who}: {told}")
     scheduled = condition(pod, "PodScheduled")
     if scheduled.get("status") == "False" and scheduled.get("reason") == UNSCHEDULABLE:
         message = str(scheduled.get("message") or "")
@@ -214,8 +219,10 @@ def _unready_while_running(pod: Object, who: str) -> str:
         return f"{who}, container {', '.join(unready)}: not ready yet"
     for gate in (pod.get("spec") or {}).get("readinessGates") or []:
         kind = str(gate.get("conditionType", ""))
-        if condition(pod, kind).get("status") != "True":
-            return f"{who}: readiness gate {kind} is not True"
+        said = condition(pod, kind)
+        if said.get("status") != "True":
+            unseen = UNSEEN if kind == READINESS else f"readiness gate {kind} is not True"
+            return f"{who}: {said.get('message') or unseen}"
     ready = condition(pod, "Ready")
     phase = str((pod.get("status") or {}).get("phase") or "Pending")
     return _words(f"{who} is {phase}, not Ready", str(ready.get("reason") or ""), str(ready.get("message") or ""))

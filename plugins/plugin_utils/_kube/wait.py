@@ -14,10 +14,11 @@ from ...module_utils._common.documents import Result
 from ...module_utils._common.errors import NotReadyError
 from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ...module_utils._step.objects import Object, is_ready, name_of
+from ...module_utils._step.words import HOPELESS
 from .cache import Ref, Target, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
-from .message import HOPELESS, ProbeNews, Row, cause_first, notes_on, progress
+from .message import ProbeNews, Row, cause_first, notes_on, progress
 from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, uid_of
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch

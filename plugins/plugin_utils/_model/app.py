@@ -378,17 +378,23 @@ class App:
     """Volumes of V(persistent_storage) to mount."""
     readiness: Readiness = USUAL
     """What has to be seen before the app counts as ready."""
-    hooks: Literal["app", "sidecar", "none"] = "app"
-    """Where the collection's own probe and stop hook run. With them the pod is ready when its ROS node is wholly
-    connected, and it leaves the graph before it ends.
+    hooks: Literal["gate", "app", "sidecar", "none"] = "app"
+    """Where it is seen that a pod is wholly connected, and by whom it is stopped cleanly.
 
-    V(app) is the app's own container, the image of which needs C(python3) 3.8 or newer.
+    V(gate): from outside, by the robot's keeper, which sets a readiness gate of the pod. Nothing of the collection is
+    in the pod, whatever its image has. It is the default where that suffices: for the pattern V(pubsub) with
+    O(ros_apps[].handoff) V(overlap), a ROS master of the robot's own, and neither O(ros_apps[].launch),
+    O(ros_apps[].params), O(ros_apps[].keep_params) nor services and actions in O(ros_apps[].readiness). Calls of its
+    services that are under way when a version ends are not waited for.
 
-    V(sidecar) is a container of C(ros_master_image) beside it, for any image (Kubernetes 1.29 or newer; not with
-    C(host_network)). An image without such a C(python3) needs it.
+    V(app), elsewhere the default: by a probe and a stop hook in the app's own container, the image of which needs
+    C(python3) 3.8 or newer.
 
-    With V(none) O(ros_apps[].readiness.command) alone decides, asked every second until it has agreed, then every ten,
-    and an update is Kubernetes' own."""
+    V(sidecar): by those in a container of C(ros_master_image) beside it, for any image (Kubernetes 1.29 or newer; not
+    with C(host_network)). An image without such a C(python3) needs it.
+
+    V(none): O(ros_apps[].readiness.command) alone decides, asked every second until it has agreed, then every ten, and
+    an update is Kubernetes' own."""
     depends_on: Annotated[tuple[AppName, ...], dict.fromkeys] = ()
     """Apps of the same robot that are updated before this one."""
     update: UpdateSettings = UpdateSettings()
@@ -433,6 +439,16 @@ class App:
         """Seconds that the stop hook has. Where nobody asked for draining, the grace period may be shorter."""
         grace = self.termination_grace_period
         return min(self.drain_deadline, max(grace - STOP_MARGIN, grace / 2))
+
+    def not_from_outside(self) -> str:
+        """What of it cannot be done by who is not in the pod; empty: all of it can."""
+        if self.handoff != "overlap":
+            return f"handoff is {self.handoff}, and who comes waits in the pod for the end of who goes"
+        if self.launch:
+            return "launch is started by code in the pod"
+        if self.params or self.keep_params:
+            return "params are set in the pod before it starts"
+        return ""
 
     def alone(self) -> list[str]:
         """Why two pods of it cannot be up at once, volumes aside."""

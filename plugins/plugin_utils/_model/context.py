@@ -8,7 +8,7 @@ keys.py it travels as an Ansible fact.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
@@ -90,7 +90,7 @@ class Robot:
                 "windows": {"spans": variable("update_windows"), "zone": variable("update_timezone")},
             },
         )
-        settled = (_settled(app, said, found.volumes) for app, said in zip(found.apps, apps))
+        settled = (_settled(app, said, found) for app, said in zip(found.apps, apps))
         return replace(found, apps=tuple(settled))
 
     def app(self, name: str) -> App:
@@ -164,17 +164,19 @@ def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
     return resolve(app.node_name + suffix, graph_namespace(app, robot), "")
 
 
-def _settled(app: App, said: Variables, volumes: Sequence[Volume]) -> App:
-    """The app with the defaults that follow from the robot's volumes, and from how it is started."""
-    paths = {volume.name: volume.mountPath for volume in volumes}
+def _settled(app: App, said: Variables, robot: Robot) -> App:
+    """The app with the defaults that follow from the robot's volumes and master, and from how it is started."""
+    paths = {volume.name: volume.mountPath for volume in robot.volumes}
     mounts = [
         replace(mount, mount_path=mount.mount_path or paths.get(mount.name) or names.default_mount_path(mount.name))
         for mount in app.volumes
     ]
     nodes = app.readiness.nodes and not (app.launch and (said.get("readiness") or {}).get("nodes") is None)
     app = replace(app, volumes=tuple(mounts), readiness=replace(app.readiness, nodes=nodes))
-    if said.get("handoff") or app.handoff != "overlap":
-        return app
-    pairs = [(mount, volume) for mount in mounts for volume in volumes if mount.name == volume.name]
-    alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
-    return replace(app, handoff="replace") if alone else app
+    if app.handoff == "overlap" and not said.get("handoff"):
+        pairs = [(mount, volume) for mount in mounts for volume in robot.volumes if mount.name == volume.name]
+        alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
+        app = replace(app, handoff="replace") if alone else app
+    calls = app.pattern != "pubsub" or app.readiness.services or app.readiness.actions
+    gate = robot.master.mode == "robot" and not (said.get("hooks") or calls or app.not_from_outside())
+    return replace(app, hooks="gate") if gate else app

@@ -27,7 +27,7 @@ from .common import (
     variable,
     workload,
 )
-from .pod_settings import app_settings
+from .pod_settings import app_settings, gate_settings
 from .security import ALL, APPS, harden
 
 REVISION_LENGTH = 8
@@ -61,7 +61,8 @@ def app_deployment(app: App, robot: Robot) -> Object:
     args = [*(container.get("args") or []), *naming_args(app, robot, revision)]
     if args:
         container["args"] = args
-    own_name = [] if app.launch else [variable(names.NODE_NAME_ENV, app.node_name + suffix_in_pod(app, revision))]
+    told = not (app.launch or app.hooks == "gate")
+    own_name = [variable(names.NODE_NAME_ENV, app.node_name + suffix_in_pod(app, revision))] if told else []
     for one in [container, *beside]:
         one["env"] = [*(one.get("env") or []), *own_name]
     metadata = template["metadata"]
@@ -83,8 +84,14 @@ def plain_deployment(app: App, robot: Robot) -> Object:
         None if app.scope == "fleet" else robot.name,
         _pod_spec(app, robot),
         strategy=OVERLAP_STRATEGY if app.handoff == "overlap" else RECREATE_STRATEGY,
-        annotations={names.ANNOTATION_HANDOFF: app.handoff, **_liveness(app)},
+        annotations={names.ANNOTATION_HANDOFF: app.handoff, **_liveness(app), **_gated(app, robot)},
     )
+
+
+def _gated(app: App, robot: Robot) -> Object:
+    """What is to be seen of its pods on the graph, for who looks at them from outside."""
+    settings = gate_settings(app, robot) if app.hooks == "gate" else None
+    return {names.ANNOTATION_SETTINGS: json.dumps(settings, sort_keys=True)} if settings else {}
 
 
 def _liveness(app: App) -> Object:
@@ -96,7 +103,8 @@ def _pod_spec(app: App, robot: Robot) -> Object:
     # with the host's network the Service name ros-master resolves only when it is asked for
     network = {"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"} if app.host_network else {}
     beside = {"initContainers": [hooks.sidecar(app, robot, _for_hooks(app, robot))]} if app.hooks == "sidecar" else {}
-    code = [hooks.code_volume(app)] if app.hooks != "none" else []
+    code = [hooks.code_volume(app)] if app.hooks in hooks.IN_POD else []
+    gate = {"readinessGates": [{"conditionType": words.READINESS}]} if app.hooks == "gate" else {}
     return pod_spec(
         [_container(app, robot)],
         [*(source for source, _mount in _volumes(app)), *code],
@@ -105,6 +113,7 @@ def _pod_spec(app: App, robot: Robot) -> Object:
         nodeSelector=node_selector(app.placement, robot.name),
         **network,
         **beside,
+        **gate,
     )
 
 
@@ -162,7 +171,7 @@ def _ros_environment(app: App, robot: Robot) -> list[Object]:
 def _for_hooks(app: App, robot: Robot) -> list[Object]:
     """The same, with what the hooks have to know, where there are any."""
     found = _ros_environment(app, robot)
-    if app.hooks != "none":
+    if app.hooks in hooks.IN_POD:
         settings = json.dumps(app_settings(app, robot), sort_keys=True)
         found += [variable(names.SETTINGS_ENV, hooks.literal(settings)), _revision()]
     return found

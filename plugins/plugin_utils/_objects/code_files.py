@@ -16,6 +16,7 @@ from ...module_utils._step.objects import Object
 from .._model import names
 from .._model.context import Robot
 from .common import config_map, owner_labels
+from .pod_code import IN_POD
 
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
 ENTRY, EXPORTER = "run.py", "exporter"
@@ -64,7 +65,7 @@ def relative_imports(module: str, text: str) -> list[str]:
 
 def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:
     """The ConfigMaps `rosops-code`, one per namespace that has pods with our code; `code` is file name -> content."""
-    scopes = {app.scope for app in robot.apps if app.hooks != "none"}
+    scopes = {app.scope for app in robot.apps if app.hooks in IN_POD}
     mode, objects = robot.master.mode, []
     if "robot" in scopes or mode == "robot":  # the keeper of a master mounts it, too
         objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))

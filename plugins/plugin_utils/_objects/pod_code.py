@@ -18,6 +18,7 @@ from .._model.app import App, Launch
 from .._model.context import Robot
 from .common import FOR_EVER, ONE_HEAP, exec_probe, mount
 
+IN_POD = ("app", "sidecar")  # where the code runs; a `gate` is looked at by the robot's keeper, `none` by nobody
 STARTED_TIMEOUT = 45  # s; `started` ends long before
 COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot
 # Characters that only a shell gives a meaning: a readiness command with one of them is a script, else a path.

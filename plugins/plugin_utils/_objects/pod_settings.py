@@ -15,6 +15,8 @@ from .._model.app import App, ReadyTopic
 from .._model.context import Robot
 from .pod_code import probe_command
 
+GATE = ("app", "node", "expect_node", "min_rates", "space", "on_demand")
+
 
 def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     """What the code in an app's pod has to know of it.
@@ -43,6 +45,12 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         **({"params": params} if params or keep else {}),
         **({"keep_params": keep} if keep else {}),
     }
+
+
+def gate_settings(app: App, robot: Robot) -> dict[str, Any]:
+    """The part of it that a look from outside needs."""
+    whole = app_settings(app, robot)
+    return {key: whole[key] for key in GATE if key in whole}
 
 
 def promised(robot: Robot) -> Iterator[tuple[str, App, ReadyTopic]]:

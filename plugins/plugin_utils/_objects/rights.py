@@ -24,7 +24,8 @@ Rule = tuple[str, Sequence[str], Sequence[str]]  # an API group, kinds of it, an
 
 KEEPER: tuple[Rule, ...] = (
     ("apps", ["deployments"], ["get", "list", "patch"]),
-    ("", ["pods"], ["list"]),
+    ("", ["pods"], ["list", "watch"]),
+    ("", ["pods/status"], ["patch"]),  # readiness gates
     ("", ["configmaps"], ["get", "patch"]),  # records: what became of a step, and that a version is proven
     (LEASES, ["leases"], ["get", "create", "update"]),
     ("", ["pods/eviction"], ["create"]),  # of what hangs
@@ -49,6 +50,7 @@ CONTROLLERS: tuple[Rule, ...] = (
     (RBAC, ["roles", "rolebindings"], ["get", "list", "create", "patch", "delete"]),
     # what it gives the keepers
     ("", ["pods/eviction", "events"], ["create"]),
+    ("", ["pods/status"], ["patch"]),
 )
 
 

@@ -19,6 +19,7 @@ from .._model.app import STOP_MARGIN, App
 from .._model.finding import Problem, each, join_path, taken
 from .._model.formats import FORMS, moving_tag, quantity_value
 from .._objects.app import plain_deployment
+from .._objects.pod_code import IN_POD
 from .draft import Draft, Said
 from .launches import launch_problems
 from .overrides import inside, override_problems
@@ -230,7 +231,7 @@ def _params(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     """
     # what it lacks to have something of ours done before it starts
     lacks = "" if app.command or app.hooks == "sidecar" else "no command"
-    lacks = "no hooks" if app.hooks == "none" else lacks
+    lacks = "no hooks" if app.hooks not in IN_POD else lacks
     kept = [*each("keep_params", app.keep_params)]
     for key, said, done in (("params", app.params, "set"), ("keep_params", kept, "looked up")):
         if said and lacks:
@@ -289,7 +290,7 @@ def _files(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
         yield Problem("files", f"hold {size} bytes", allowed)
 
 
-def _ports(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
+def _ports(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     for where, name, _first in taken(each("ports", (port.name for port in app.ports), ".name")):
         yield Problem(where, f"is {name} for the second time", "a name of its own")
     for where, taken_port, _first in taken(each("ports", ((one.port, one.protocol) for one in app.ports), ".port")):
@@ -304,6 +305,9 @@ def _ports(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{where}.host_port", found, "leave it out")
         if app.hooks == "sidecar" and (port.port, port.protocol) == (SIDECAR_PORT, "TCP"):
             yield Problem(f"{where}.port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
+    why = app.not_from_outside() if draft.robot.master.mode == "robot" else "there is no ROS master of the robot's own"
+    if app.hooks == "gate" and why:
+        yield Problem("hooks", f"is gate, but {why}", "app, or sidecar")
     # the kubelet asks a sidecar by the pod's address
     if app.hooks == "sidecar" and app.host_network:
         found = "is sidecar, but with host_network its port is the host's, and another app's sidecar has the same"

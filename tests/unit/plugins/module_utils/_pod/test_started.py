@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import json
+import os
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.started import Owed
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State, load_settings
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE, Graph, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
@@ -56,11 +58,14 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def started(world: World, clock: Clock | None = None, before: str = "", run: Any = None, **settings: Any) -> str:
     clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
     introduce, places = settings.pop("introduce", lambda _calls: None), settings.pop("places", {})
+    measured = settings.pop("measured", lambda graph, _nodes: graph)
     outside = started_command.Outside(
-        run or (lambda *_: ""), lambda _state: here, lambda _state: places, lambda _hosts: children, introduce,
-        clock.now, clock.sleep,
+        run or (lambda *_: ""), lambda _state: here, lambda uri: started_command.is_here(uri), lambda _state: places,
+        lambda _hosts: children, introduce, lambda: started_command.load_owed(SETTINGS), kept.save_state,
+        measured, clock.now, clock.sleep,
     )  # fmt: skip
-    return started_command.started(replace(SETTINGS, **settings), State(failed=before), world, outside)
+    known = replace(SETTINGS, version=kept.load_settings(os.environ).version, **settings)
+    return started_command.started(known, State(failed=before), world, outside)
 
 
 def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
@@ -419,6 +424,19 @@ def test_a_version_that_others_bring_owes_what_the_pod_before_has(
     assert renewed(beside) == line
 
 
+def test_it_owes_the_rates_that_were_measured_of_the_pod_before(beside: Beside) -> None:
+    beside.offer("/out", "/in", "/add")
+
+    def measured(graph: Graph, nodes: Sequence[str]) -> Graph:
+        assert list(nodes) == [OLD]
+        key = graph.node(OLD).key
+        return graph.measured({"/out": Rate(200.0, 200, 1.0, by={key: Rate(200.0, 200, 1.0, known=200.0)})})
+
+    assert "/out: 100 Hz" in renewed(beside, measured=measured).replace("100.0 Hz", "100 Hz")
+    beside.hz["/out"] = 190.0
+    assert renewed(beside, measured=measured) == ""
+
+
 def test_what_it_offers_has_to_be_connected_as_the_pod_before_is(beside: Beside) -> None:
     beside.offer("/out", "/in", "/add")
     beside.replies(POD, bus=bus())
@@ -502,15 +520,15 @@ def test_a_contract_means_one_revision_until_it_is_proven(
 ) -> None:
     contract = {"revision": "0a1b2c3d", "nodes": ["/r1/a_0a1b2c3d"], "ready_timeout": 120, "apps": ["a"], **changes}
     (tmp_path / "contract.json").write_text(json.dumps(contract))
-    found = started_command.load_owed(ENVIRON, tmp_path)
+    found = started_command.load_owed(load_settings(ENVIRON), tmp_path)
     assert found == Owed(Contract.from_dict(contract) if counts else None, other, tuple(changes.get("ignore", ())))
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "{"])
 def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "contract.json").write_text(text)
-    assert started_command.load_owed(ENVIRON, tmp_path) == Owed()
-    assert started_command.load_owed(ENVIRON, tmp_path / "none") == Owed()
+    assert started_command.load_owed(load_settings(ENVIRON), tmp_path) == Owed()
+    assert started_command.load_owed(load_settings(ENVIRON), tmp_path / "none") == Owed()
 
 
 def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

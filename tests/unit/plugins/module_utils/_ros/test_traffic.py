@@ -123,4 +123,6 @@ def test_logs_and_topics_without_a_listener_are_none_of_it() -> None:
     ],
 )
 def test_a_number_is_that_of_a_header_at_the_beginning(text: str, numbered: bool) -> None:
-    assert has_number({"type": "demo/Scan", "message_definition": text}) is numbered
+    said = {"type": "demo/Scan", "message_definition": text}
+    assert has_number(said) is numbered
+    assert not has_number({**said, "latching": "1"})  # rospy counts what it gives to each that comes later, too

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import READINESS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target, View, parse_refs, targets_for
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Verdict, error_end, why_not_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
@@ -58,6 +59,16 @@ running = container(running={})
 OPEN = {"updatedReplicas": 1, "availableReplicas": 0, "unavailableReplicas": 1}
 GATED = {"readinessGates": [{"conditionType": "ros/graph"}]}
 gated = pod("talker-new-1", NEW, [container(ready=True, running={})], spec=GATED)
+
+
+def by_us(says: str | None) -> Object:
+    """A pod whose gate is the keeper's."""
+    gates = {"readinessGates": [{"conditionType": READINESS}]}
+    made = pod("talker-new-1", NEW, [container(ready=True, running={})], spec=gates)
+    said = [] if says is None else [{"type": READINESS, "status": "False", "message": says}]
+    return {**made, "status": {**made["status"], "conditions": [*made["status"].get("conditions", ()), *said]}}
+
+
 refused = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota: robot"}
 
 
@@ -122,6 +133,13 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         ),
         "paused but done": (rolled(new_pod, paused=True), "pass", f"{DONE}, paused"),
         "readiness gate": (rolled(gated, status=OPEN), "wait", "readiness gate ros/graph is not True"),
+        "our gate, and nobody looked": (rolled(by_us(None), status=OPEN), "wait", "nobody has looked at it yet"),
+        "our gate says why not": (
+            rolled(by_us("not ready: topic /t"), status=OPEN), "wait", "pod talker-new-1: not ready: topic /t",
+        ),
+        "our gate will never open": (
+            after(by_us("cannot become ready: topic /t"), old_pod), "fail", "pod talker-new-1: cannot become ready: to",
+        ),
         "unavailable": (
             rolled(pod("talker-new-1", NEW, [creating]), status=OPEN),
             "wait",

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import HOPELESS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import HOPELESS, latest, probe_line, telling
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import latest, probe_line, telling
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
     BEGUN_SECONDS,
     WaitOptions,

@@ -184,17 +184,59 @@ def test_where_versions_overlap_a_pod_s_names_have_the_hash_of_its_template(
 
 
 @pytest.mark.parametrize(
+    ("changes", "of", "hooks"),
+    [
+        ({}, {}, "gate"),
+        ({"readiness": {"command": "/ready", "topics": [{"name": "t"}]}}, {}, "gate"),
+        ({"hooks": "app"}, {}, "app"),
+        ({"hooks": "sidecar"}, {}, "sidecar"),
+        ({"pattern": "service"}, {}, "app"),  # calls under way are seen in the pod alone
+        ({"readiness": {"services": ["s"]}}, {}, "app"),
+        ({"readiness": {"actions": ["a"]}}, {}, "app"),
+        ({"pattern": "service", "hooks": "gate"}, {}, "gate"),
+        ({"handoff": "replace"}, {}, "app"),
+        ({"host_network": True, "placement": "local"}, {}, "app"),  # so it is replaced
+        ({"launch": {"file": "/a.launch"}, "args": []}, {}, "app"),
+        ({"params": {"rate": 5}, "command": ["talk"]}, {}, "app"),
+        ({"keep_params": ["rate"], "command": ["talk"]}, {}, "app"),
+        ({}, {"master": {"mode": "shared"}}, "app"),
+        ({}, {"master": {"mode": "external", "uri": "http://10.0.0.5:11311"}}, "app"),
+    ],
+)
+def test_who_says_when_a_pod_is_ready(changes: dict[str, Any], of: dict[str, Any], hooks: str) -> None:
+    full = robot(app(**{"pattern": "pubsub", **changes}), **of)
+    assert full.apps[0].hooks == hooks
+    item = app_objects(full)[0]
+    gate = [{"conditionType": "rosops.fleet/ready"}] if hooks == "gate" else None
+    assert pod(item).get("readinessGates") == gate
+    assert ("rosops.fleet/settings" in item["spec"]["template"]["metadata"]["annotations"]) is (hooks == "gate")
+
+
+def test_nothing_of_ours_is_in_a_pod_with_a_gate() -> None:
+    more = {"pattern": "pubsub", "command": ["talk"], "readiness": {"topics": [{"name": "~t", "min_rate": 5}]}}
+    item = deployment(**more)
+    own = container(item)
+    assert own["command"] == ["talk"]
+    assert not {"startupProbe", "readinessProbe", "lifecycle", "volumeMounts"} & {*own}
+    assert not {"volumes", "initContainers"} & {*pod(item)}
+    assert [one["name"] for one in own["env"]] == ["ROS_MASTER_URI", "ROS_IP", "ROSOPS_TEMPLATE_HASH"]
+    settings = json.loads(item["spec"]["template"]["metadata"]["annotations"]["rosops.fleet/settings"])
+    told = {"app": "talker", "node": "/talker", "expect_node": True, "min_rates": {"~t": 5}, "space": "/"}
+    assert settings == told
+
+
+@pytest.mark.parametrize(
     ("changes", "waits"),
     [
         ({}, True),
-        ({"pattern": "pubsub"}, False),  # it has a name of its own
+        ({"pattern": "pubsub", "hooks": "app"}, False),  # it has a name of its own
         ({"readiness": {"nodes": False}}, False),
         ({"host_network": True, "placement": "local"}, False),  # nobody can tell whose a process is
     ],
 )
 def test_a_new_version_waits_for_the_end_of_the_node_of_its_name(changes: dict[str, Any], waits: bool) -> None:
     assert ("--after" in container(deployment(command=["talk"], **changes))["command"]) is waits
-    beside = pod(deployment(hooks="sidecar", **changes))["initContainers"][0]
+    beside = pod(deployment(**{**changes, "hooks": "sidecar"}))["initContainers"][0]
     assert ("--after" in beside["command"]) is waits
 
 
@@ -202,7 +244,7 @@ def test_hooks_beside_the_app_are_told_what_they_are_told_within_it() -> None:
     def told(one: dict[str, Any]) -> dict[str, Any]:
         return {item["name"]: item.get("value", item.get("valueFrom")) for item in one["env"]}
 
-    more: dict[str, Any] = {"pattern": "pubsub", "command": ["talk"], "env": {"TOKEN": {"secret": "s", "key": "k"}}}
+    more: dict[str, Any] = {"pattern": "service", "command": ["talk"], "env": {"TOKEN": {"secret": "s", "key": "k"}}}
     within, outside = container(deployment(**more)), deployment(**more, hooks="sidecar")
     (beside,) = outside["spec"]["template"]["spec"]["initContainers"]
     ours = {key: value for key, value in told(within).items() if key not in ("TOKEN", "ROSOPS_NODE_NAME")}

@@ -154,6 +154,7 @@ class Pod:
     handoff: str
     revision: str
     hash: str  # of its template, by Kubernetes
+    gate: bool  # the keeper says when it is Ready, and nothing of ours is in it
     process: Process | None = None
     held: Process | None = None  # of its launch file
     boot: float = 0.0
@@ -281,6 +282,7 @@ class SimulatedRobot:
             len(self.pods), key, app, template_of(wanted), version_of(spec["spec"]["containers"][0]["image"]),
             "" if app in INFRASTRUCTURE else node_in_pod(wanted), OFFERS.get(app, Offer()),
             said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted), kubernetes_hash(wanted),
+            "readinessGates" in spec["spec"],
         )  # fmt: skip
         self.pods.append(pod)
         self.kubelet(START, lambda: self.run_pod(pod))
@@ -404,6 +406,9 @@ class SimulatedRobot:
         """The startup probe, until it passes once."""
         if pod.gone or pod.stopping or pod.restarts != start or not pod.up or pod.ready:
             return
+        if pod.gate and not self.keeper_sees():
+            self.later(PROBE, lambda: self.probe(pod, start))
+            return
         why = self.unready(pod)
         pod.hopeless = why if why.startswith("cannot") else ""
         if why:
@@ -415,6 +420,10 @@ class SimulatedRobot:
         if pod.app == names.MASTER_NAME:
             self.later(KEEPER, self.remember)
         self.reconcile(pod.key)
+
+    def keeper_sees(self) -> bool:
+        """Whether it looks at pods, and can say what it sees."""
+        return self.is_up(names.KEEPER_NAME)
 
     def unready(self, pod: Pod) -> str:
         if pod.app in INFRASTRUCTURE:
@@ -485,13 +494,15 @@ class SimulatedRobot:
         return any(goal.process is one and not goal.ended for one in pod.processes for goal in self.goals)
 
     def end(self, pod: Pod) -> None:
-        """Cleanly: its nodes leave the graph."""
+        """Cleanly: its nodes leave the graph. Without a keeper nothing of ours sees the end of a pod with a gate."""
         pod.gone, pod.ready = True, False
         for process in pod.processes:
             if process.alive:
                 process.alive = False
                 self.cut += [goal for goal in self.goals if goal.process is process and not goal.ended]
-                if self.registered.get(process.node) is process:
+                if pod.gate and not self.keeper_sees():
+                    self.later(REAP, lambda process=process: self.reap(process))  # type: ignore[misc]
+                elif self.registered.get(process.node) is process:
                     self.unregister(process.node)
         if pod.app == names.MASTER_NAME:
             self.registered, self.providers = {}, {}

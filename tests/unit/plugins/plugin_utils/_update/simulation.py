@@ -123,6 +123,9 @@ class Simulation(SimulatedRobot):
         # the Deployment of each ReplicaSet, which has its template and its annotations; the latest one last
         self.replica_sets: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
 
+    def keeper_sees(self) -> bool:
+        return super().keeper_sees() and max(self.api_until, self.robot_until) <= self.time
+
     # --- an operator ------------------------------------------------------------------------------------------------
 
     def install(self, robot: Robot) -> None:

@@ -165,7 +165,7 @@ def test_services_of_what_does_not_run_come_with_it() -> None:
         lambda item: container(item).update(args=["other"]),
         lambda item: container(item)["env"].pop(0),
         lambda item: container(item)["env"][-1].update(value="other"),
-        lambda item: container(item).pop("volumeMounts"),
+        lambda item: pod(item).pop("readinessGates"),
     ],
 )
 def test_what_was_changed_by_hand_is_suspected(change: Callable[[dict[str, Any]], Any]) -> None:

@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Readiness gates: the robot's resident process says when a pod is Ready of which versions overlap.
+
+Kubernetes stops the old pod once the new one is Ready, whoever brought it (a run, `kubectl`, another updater). So the
+new one is not before its nodes are wholly in the graph, with all that they owe. Nothing of ours runs in these pods: the
+look is the one that other pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
+
+The proof names the container that was seen. A container that begins anew, also with its host, has none, and is looked
+at again. Where nobody looks (this process or the API is away) no pod becomes Ready, and none that is goes.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import partial
+from typing import Callable, Mapping, Sequence
+
+from .._common.errors import FleetError, RosError
+from .._common.poll import FAIL, PASS, overall
+from .._pod.own_node import OwnNode, places
+from .._pod.started import INTERVAL, SECONDS, SLOW_INTERVAL, Outside, Owed, Starting, introduce, message, owed_by
+from .._pod.state import TIMEOUT, Settings, State, load_settings
+from .._ros.backend import Backend, MasterState
+from .._ros.client import Ros1Client
+from .._ros.gate import RATE_WINDOW
+from .._ros.graph import Graph, Handshake, Rate, host_of
+from .._ros.registrar import Registrar
+from .._step.objects import Object, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
+from .._step.record import record_name, record_of
+from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
+from .cluster_api import ApiError, Cluster
+
+CALLER = "/rosops_fleet_readiness"
+PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
+ANEW, ENDED = "not ready: its container was started anew", "not ready: its container has ended"
+TELL = 1.0  # s between two reasons that are told of one pod
+OWED = 1.0  # s for which what was read of its record counts
+GONE = 410  # the API's answer where the version to go on from is too old
+AGAIN = 1.0  # s after an API that did not answer
+LATCHED = 1.0  # s for what the old pod's nodes have latched
+
+PROVE, WITHDRAW, END = "prove", "withdraw", "end"
+
+
+# ---- what is to be done
+
+
+def container_of(pod: Object) -> str:
+    """The id of the app's container, once it runs and its own startup probe, where it has one, has passed; or empty."""
+    for one in (pod.get("status") or {}).get("containerStatuses") or ():
+        if one.get("name") == CONTAINER and "running" in (one.get("state") or {}) and one.get("started") is not False:
+            return str(one.get("containerID") or "")
+    return ""
+
+
+def is_proven(pod: Object) -> bool:
+    """Whether its gate lets it be Ready, for the container that runs now."""
+    said, runs = gate_of(pod) or {}, container_of(pod)
+    return bool(runs) and said.get("status") == "True" and said.get("message") == PROVEN + runs
+
+
+def due(pod: Object) -> str:
+    """What is to be done about a pod with our gate: PROVE, WITHDRAW, END, or nothing."""
+    if is_terminating(pod):
+        return END
+    if container_of(pod):
+        return "" if is_proven(pod) else PROVE
+    return WITHDRAW if (gate_of(pod) or {}).get("status") == "True" else ""
+
+
+def settings_of(pod: Object) -> Settings:
+    """What is to be seen of it, as its template says it."""
+    labels = labels_of(pod)
+    known = {
+        "ROSOPS_SETTINGS": annotations_of(pod).get(SETTINGS, ""),
+        "ROSOPS_REVISION": labels.get(REVISION, ""),
+        "ROSOPS_TEMPLATE_HASH": labels.get(TEMPLATE_HASH, ""),
+    }
+    plain = load_settings(known)
+    return load_settings({**known, "ROSOPS_NODE_NAME": f"{plain.node.rpartition('/')[2]}_{plain.version}"})
+
+
+def address_of(pod: Object) -> str:
+    return str((pod.get("status") or {}).get("podIP") or "")
+
+
+def condition(ready: bool, text: str, at: str) -> Object:
+    """The condition to write."""
+    reason = "InTheGraph" if ready else "NotInTheGraph"
+    told = {"status": "True" if ready else "False", "reason": reason, "message": text}
+    return {"type": READINESS, **told, "lastTransitionTime": at}
+
+
+# ---- doing it
+
+
+class Readiness:
+    """The gates of one namespace's pods. Each pod that is looked at has a thread for as long as that takes."""
+
+    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
+        self,
+        cluster: Cluster,
+        uri: str,
+        keep_latched: Callable[[str, str, float], object],
+        log: Callable[[str], None],
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """`uri` is the ROS master's; `keep_latched` (node, its address, seconds) takes what a node has latched."""
+        self.cluster, self.uri, self.keep_latched, self.log = cluster, uri, keep_latched, log
+        self.now, self.sleep = now, sleep
+        self.namespace = cluster.home
+        self.pods: dict[str, Object] = {}  # by uid, those with our gate
+        self.seen: dict[str, OwnNode] = {}  # by uid, the node that was found of a pod last
+        self.at_work: dict[str, str] = {}  # by uid: the container that is looked at, or END
+        self.said = ""
+        self.lock = threading.Lock()
+
+    def run(self) -> None:
+        version = ""
+        while True:
+            try:
+                version = self.follow(version)
+                self._tell("")
+            except FleetError as error:
+                version = ""
+                if not (isinstance(error, ApiError) and error.status == GONE):
+                    self._tell(str(error))
+                    self.sleep(AGAIN)
+            except Exception as error:  # whatever the API sends, what comes next may be better
+                version = ""
+                self.log(f"error: {type(error).__name__}: {error}")
+                self.sleep(AGAIN)
+
+    def _tell(self, text: str) -> None:
+        if text != self.said:
+            self.log(f"readiness of pods: {text or 'the Kubernetes API answers'}")
+            self.said = text
+
+    def follow(self, version: str) -> str:
+        """The pods from that version on (empty: all there are), until the watch ends; from where to go on."""
+        if not version:
+            found, version = self.cluster.pods_since(self.namespace)
+            self.pods = {}
+            for pod in found:
+                self.take(pod)
+        for event in self.cluster.watch_pods(self.namespace, version):
+            pod = event.get("object") or {}
+            if event.get("type") == "ERROR":  # that version is too old by now
+                return ""
+            version = str((pod.get("metadata") or {}).get("resourceVersion") or version)
+            if event.get("type") == "DELETED":
+                self.pods.pop(pod["metadata"]["uid"], None)
+                self.seen.pop(pod["metadata"]["uid"], None)
+            elif event.get("type") != "BOOKMARK":
+                self.take(pod)
+        return version
+
+    def take(self, pod: Object) -> None:
+        """A pod as it is now."""
+        if gate_of(pod) is None or SETTINGS not in annotations_of(pod):
+            return
+        uid = str(pod["metadata"]["uid"])
+        self.pods[uid] = pod
+        what = due(pod)
+        if what == WITHDRAW:
+            self._say(pod, False, ENDED)
+        elif what:
+            self._begin(uid, END if what == END else container_of(pod))
+
+    def _begin(self, uid: str, work: str) -> None:
+        with self.lock:
+            if self.at_work.get(uid) == work:
+                return
+            self.at_work[uid] = work
+        self.start(partial(self._work, uid, work))
+
+    def start(self, work: Callable[[], None]) -> None:
+        threading.Thread(target=work, daemon=True).start()
+
+    def _work(self, uid: str, work: str) -> None:
+        try:
+            if work == END:
+                self._end(self.pods[uid])
+            else:
+                self._prove(uid, work)
+        except ApiError:  # the watch tells of an API that is away
+            self.sleep(AGAIN)
+        except Exception as error:  # one pod's trouble is no other's
+            self.log(f"pod {uid}: {type(error).__name__}: {error}")
+            self.sleep(AGAIN)
+        with self.lock:
+            if self.at_work.get(uid) == work:
+                del self.at_work[uid]
+        pod = self.pods.get(uid)
+        if work != END and pod is not None and due(pod) == PROVE:  # it ended by an error, or was proven just now
+            self._begin(uid, container_of(pod))
+
+    def _say(self, pod: Object, ready: bool, text: str) -> None:
+        """In the pod's own condition; a pod that has gone meanwhile needs none."""
+        try:
+            self.cluster.set_condition(self.namespace, pod, condition(ready, text, _time()))
+        except ApiError as error:
+            if error.status not in (404, 409):
+                raise
+
+    # ---- a new version
+
+    def _prove(self, uid: str, container: str) -> None:
+        pod, began, told, told_at = self.pods[uid], self.now(), "", self.now() - TELL
+        if (gate_of(pod) or {}).get("status") == "True":
+            self._say(pod, False, ANEW)
+        look = self.looks(pod)
+        while True:
+            checks = look()
+            pod = self.pods.get(uid, {})
+            if due(pod) != PROVE or container_of(pod) != container:
+                return
+            verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
+            if verdict == PASS:
+                break
+            if text != told and (verdict == FAIL or now - told_at >= TELL):
+                self._say(pod, False, text)
+                told, told_at = text, now
+            self.sleep(INTERVAL if now - began < SECONDS else SLOW_INTERVAL)
+        for other in self._others(pod):
+            for node in () if is_terminating(other) else self._nodes(other):
+                self.keep_latched(node.name, node.uri, LATCHED)
+        self._say(pod, True, PROVEN + container)
+        rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
+        said = condition(True, PROVEN + container, _time())
+        self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
+        self.log(f"{name_of(pod)} is ready")
+
+    def looks(self, pod: Object) -> Starting:
+        """Who looks at a pod again and again."""
+        settings, address, uid = settings_of(pod), address_of(pod), str(pod["metadata"]["uid"])
+        ros = Ros1Client(self.uri, TIMEOUT, CALLER)
+
+        def here(state: MasterState) -> Mapping[str, str]:
+            return {name: uri for name, uri in places(ros, settings, state).items() if host_of(uri) == address}
+
+        def keep(name: str, found: State) -> None:
+            self.seen[uid] = OwnNode(name, found.uri, found.services, settings)
+
+        outside = Outside(
+            run=lambda *_: "",  # its own startup probe has asked the command
+            here=here,
+            is_here=lambda uri: host_of(uri) == address,
+            places=partial(places, ros, settings),
+            children=lambda _addresses: (),
+            introduce=partial(introduce, ros),
+            owed=Debts(self.cluster, self.namespace, app_of(pod), settings.revision, self.now),
+            keep=keep,
+            measured=Sent(ros),
+            now=self.now,
+            sleep=self.sleep,
+        )
+        return Starting(settings, ros, outside)
+
+    # ---- the old one
+
+    def _end(self, pod: Object) -> None:
+        """Its nodes leave the graph, and end: roscpp as process 1 of a container is deaf to SIGTERM."""
+        replaced = any(map(is_proven, self._others(pod)))
+        for node in self._nodes(pod):
+            if not replaced:  # else that was done before the next one was said to be ready
+                self.keep_latched(node.name, node.uri, LATCHED)
+            for step in (node.unregister, node.forget, node.shut_down):
+                try:
+                    step(TIMEOUT)
+                except RosError as error:
+                    self.log(f"{node.name} of {name_of(pod)}, which ends: {error}")
+
+    def _others(self, pod: Object) -> list[Object]:
+        """The other pods of its app."""
+        uid = pod["metadata"]["uid"]
+        return [one for one in list(self.pods.values()) if app_of(one) == app_of(pod) and one["metadata"]["uid"] != uid]
+
+    def _nodes(self, pod: Object) -> list[OwnNode]:
+        """What is registered from its address; where no master answers the node that was seen of it last."""
+        settings, address, seen = settings_of(pod), address_of(pod), self.seen.get(str(pod["metadata"]["uid"]))
+        try:
+            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if address else {}
+        except RosError:
+            return [seen] if seen else []
+        here = {name: entry for name, entry in there.items() if host_of(entry.uri) == address}
+        return [OwnNode(name, entry.uri, entry.services, settings) for name, entry in here.items()]
+
+
+class Sent:
+    """What the nodes of a version before send, and its definitions: listened to once, when a new pod is first held to
+    it.
+    """
+
+    def __init__(self, ros: Backend) -> None:
+        self.ros = ros
+        self.taken: tuple[Mapping[str, Rate], Mapping[str, Handshake]] | None = None
+
+    def __call__(self, graph: Graph, nodes: Sequence[str]) -> Graph:
+        if self.taken is None:
+            heard = graph.heard(nodes)
+            rates = self.ros.rates(heard, dict.fromkeys(heard.topics, RATE_WINDOW), patient=True)
+            self.taken = rates, self.ros.handshakes(heard, heard.topics)
+        return graph.measured(*self.taken)
+
+
+class Debts:
+    """What a pod owes, by its app's record, which is read at most once a second."""
+
+    def __init__(self, cluster: Cluster, namespace: str, app: str, revision: str, now: Callable[[], float]) -> None:
+        self.cluster, self.namespace, self.app, self.revision, self.now = cluster, namespace, app, revision, now
+        self.found: Owed | None = None
+        self.read_at = 0.0
+
+    def __call__(self) -> Owed:
+        """Raises ApiError: what is unknown waits."""
+        if self.found is None or self.now() - self.read_at >= OWED:
+            record = record_of(self.cluster.config_map(self.namespace, record_name(self.app)))
+            self.found, self.read_at = owed_by(record, self.revision), self.now()
+        return self.found
+
+
+def _time() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

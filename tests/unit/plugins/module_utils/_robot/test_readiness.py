@@ -1,0 +1,366 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Readiness gates: what is done about a pod, on a fake clock, a fake graph and a fake API."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any, cast
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import State
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
+    ANEW,
+    END,
+    ENDED,
+    PROVE,
+    PROVEN,
+    WITHDRAW,
+    Readiness,
+    due,
+    settings_of,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    Graph,
+    Handshake,
+    Node,
+    NodeKey,
+    Rate,
+    Topic,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import APP, READINESS, REVISION, SETTINGS
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, World, bus, contract
+
+ADDRESS = "127.0.0.1"
+KNOWN = {"app": "talker", "node": "/talker", "expect_node": True, "min_rates": {}, "space": "/"}
+
+
+def pod(
+    uid: str = "new", runs: str = "c1", says: str = "", address: str = ADDRESS, ends: bool = False, **container: Any
+) -> Object:
+    """`runs` is its container's id, `says` that of the container for which its gate lets it be Ready."""
+    said = {"type": READINESS, "status": "True", "message": PROVEN + says}
+    other = {"type": "PodScheduled", "status": "True"}
+    state = {"running": {}} if runs else {"terminated": {"exitCode": 1}}
+    return {
+        "metadata": {
+            "name": f"talker-{uid}",
+            "uid": uid,
+            "labels": {APP: "talker", REVISION: "0a1b2c3d"},
+            "annotations": {SETTINGS: json.dumps(KNOWN)},
+            **({"deletionTimestamp": "T"} if ends else {}),
+        },
+        "spec": {"readinessGates": [{"conditionType": READINESS}]},
+        "status": {
+            "podIP": address,
+            "conditions": [other, said] if says else [other],
+            "containerStatuses": [{"name": "ros-app", "state": state, "containerID": runs, **container}],
+        },
+    }
+
+
+@pytest.mark.parametrize(
+    ("found", "wanted"),
+    [
+        (pod(), PROVE),
+        (pod(started=False), ""),  # its own startup probe has not passed
+        (pod(runs=""), ""),
+        (pod(says="c1"), ""),
+        (pod(says="c0"), PROVE),  # that was another container
+        (pod(runs="", says="c0"), WITHDRAW),
+        (pod(says="c1", ends=True), END),
+        (pod(name="beside"), ""),  # only another container runs
+    ],
+)
+def test_what_is_due(found: Object, wanted: str) -> None:
+    assert due(found) == wanted
+
+
+def test_its_settings_have_the_names_that_its_template_gives() -> None:
+    found = pod()
+    found["metadata"]["labels"]["pod-template-hash"] = "5d"
+    found["metadata"]["annotations"][SETTINGS] = json.dumps({**KNOWN, "min_rates": {"~out": 5, "/in": 7}})
+    settings = settings_of(found)
+    assert (settings.node, settings.revision, settings.version) == ("/talker_0a1b2c3d_5d", "0a1b2c3d", "0a1b2c3d_5d")
+    assert settings.min_rates == {"/talker_0a1b2c3d_5d/out": 5, "/in": 7}
+
+
+class Api:
+    """The robot's namespace."""
+
+    home = "robot-r1"
+
+    def __init__(self) -> None:
+        self.conditions: list[tuple[str, str, str]] = []
+        self.record: Object | None = None
+        self.there: list[Object] = []
+        self.events: list[Object] = []
+        self.refuses = 0
+        self.read = 0
+
+    def set_condition(self, namespace: str, item: Object, condition: Object) -> None:
+        assert namespace == self.home
+        if self.refuses:
+            raise ApiError("no", self.refuses)
+        assert condition["type"] == READINESS
+        self.conditions.append((item["metadata"]["uid"], condition["status"], condition["message"]))
+
+    def config_map(self, _namespace: str, name: str) -> Object | None:
+        assert name == "talker-update"
+        self.read += 1
+        return self.record
+
+    def pods_since(self, _namespace: str) -> tuple[list[Object], str]:
+        return self.there, "1"
+
+    def watch_pods(self, _namespace: str, version: str) -> Iterator[Object]:
+        assert version
+        yield from self.events
+
+
+class Scene:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.world, self.api, self.at = World(), Api(), 0.0
+        self.done: list[tuple[str, ...]] = []
+        self.log: list[str] = []
+        self.soon: list[tuple[float, Callable[[], Any]]] = []
+        self.registered: dict[str, Entry] | None = {OWN: Entry(URI)}
+        scene = self
+
+        class Registrar:
+            def __init__(self, *_: Any) -> None: ...
+
+            def snapshot(self) -> dict[str, Entry]:
+                if scene.registered is None:
+                    raise RosError("the master is away")
+                return scene.registered
+
+        class OwnNode:
+            def __init__(self, name: str, uri: str, services: Any, settings: Any) -> None:
+                del services, settings
+                self.name, self.uri = name, uri
+
+            def __getattr__(self, what: str) -> Any:
+                return lambda _seconds: scene.done.append((what, self.name))
+
+        monkeypatch.setattr(readiness, "Ros1Client", lambda *_: self.world)
+        monkeypatch.setattr(readiness, "Registrar", Registrar)
+        monkeypatch.setattr(readiness, "OwnNode", OwnNode)
+        self.gates = Readiness(
+            cast("Cluster", self.api),
+            "http://master:11311",
+            lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
+            self.log.append,
+            lambda: self.at,
+            self.sleep,
+        )
+        monkeypatch.setattr(self.gates, "start", lambda work: work())
+
+    def sleep(self, seconds: float) -> None:
+        self.at += seconds
+        for at, change in [one for one in self.soon if one[0] <= self.at]:
+            self.soon.remove((at, change))
+            change()
+
+    def owe(self, **changes: Any) -> None:
+        self.api.record = {"data": {"contract.json": json.dumps({**contract(**changes).as_dict(), "run": "1"})}}
+
+
+@pytest.fixture
+def scene(monkeypatch: pytest.MonkeyPatch) -> Scene:
+    return Scene(monkeypatch)
+
+
+def test_a_pod_is_ready_once_its_nodes_are_in_the_graph(scene: Scene) -> None:
+    scene.gates.take(pod())
+    assert scene.api.conditions[-1] == ("new", "True", PROVEN + "c1")
+    assert scene.at >= 0.5  # nothing said what it is still going to register
+    scene.gates.take(pod(says="c1"))
+    assert len([one for one in scene.api.conditions if one[1] == "True"]) == 1
+    assert scene.log == ["talker-new is ready"]
+
+
+def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
+    scene.owe()
+    scene.world.replies(OWN, bus=bus())
+    scene.soon = [(5.0, lambda: scene.world.replies(OWN, bus=bus(("/out", "/listener"))))]
+    scene.gates.take(pod())
+    said = [(status, text) for _uid, status, text in scene.api.conditions]
+    assert said[-2:] == [
+        ("False", "not ready: topic /out: 0 of 1 subscriber connected: missing /listener"),
+        ("True", PROVEN + "c1"),
+    ]
+    assert len(said) <= 3, said
+    assert scene.api.read <= 7  # the record is not read at each of fifty looks
+
+
+def test_what_waiting_cannot_mend_is_told_at_once(scene: Scene) -> None:
+    scene.owe(topics={"/out": {"type": "std_msgs/Bool", "rate": None}})
+    scene.soon = [(0.3, lambda: scene.gates.pods.clear())]  # it is gone by then
+    scene.gates.take(pod())
+    ((_uid, status, text),) = scene.api.conditions
+    assert (status, text[:60]) == ("False", "cannot become ready: topic /out: this version has the type s")
+
+
+def test_the_reason_changes_once_a_second_at_most(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene.owe()
+    words = iter(f"away {number}" for number in range(1000))
+
+    def away(types: bool = False) -> Any:
+        del types
+        raise RosError(next(words))
+
+    monkeypatch.setattr(scene.world, "state", away)
+    scene.soon = [(4.05, lambda: scene.gates.pods.clear())]
+    scene.gates.take(pod())
+    assert len(scene.api.conditions) in (4, 5)
+
+
+def test_another_container_is_another_proof(scene: Scene) -> None:
+    scene.gates.take(pod(runs="c2", says="c1"))
+    assert scene.api.conditions[0] == ("new", "False", ANEW)
+    assert scene.api.conditions[-1] == ("new", "True", PROVEN + "c2")
+    scene.api.conditions.clear()
+    scene.gates.take(pod(runs="", says="c2"))
+    assert scene.api.conditions == [("new", "False", ENDED)]
+
+
+def test_a_container_that_ends_meanwhile_is_looked_at_no_more(scene: Scene) -> None:
+    scene.world.replies(OWN, bus=bus())
+    scene.soon = [(2.0, lambda: scene.gates.take(pod(runs="")))]
+    scene.gates.take(pod())
+    assert {status for _uid, status, _text in scene.api.conditions} == {"False"}
+    assert not scene.gates.at_work
+
+
+@pytest.mark.parametrize(("status", "again"), [(404, False), (409, False), (0, True), (500, True)])
+def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
+    """What has gone needs no word; everything else is tried again."""
+    scene.api.refuses = status
+
+    def mended() -> None:
+        scene.api.refuses = 0
+
+    scene.soon = [(3.0, mended)]
+    scene.gates.take(pod())
+    assert bool(scene.api.conditions) == again
+
+
+def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene: Scene) -> None:
+    scene.registered = {OWN: Entry(URI), "/talker_00000000": Entry("http://127.0.0.9:1/"), "/x": Entry("http://h:1/")}
+    old = pod("old", says="c1", address="127.0.0.9")
+    scene.gates.take(old)
+    scene.gates.take(pod("gone", address="127.0.0.8", ends=True))
+    scene.done.clear()
+    scene.gates.take(pod())
+    assert scene.done == [("keep_latched", "/talker_00000000")]
+    scene.gates.take({**old, "metadata": {**old["metadata"], "deletionTimestamp": "T"}})
+    steps = ["unregister", "forget", "shut_down"]
+    assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
+
+
+def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
+    scene.gates.take(pod(says="c1", ends=True))
+    assert [step for step, _node in scene.done] == ["keep_latched", "unregister", "forget", "shut_down"]
+    scene.gates.take(pod(says="c1", ends=True))
+    assert len(scene.done) == 8  # a second event finds nothing left, as the real node is gone
+
+
+def test_without_a_master_the_node_that_was_seen_is_ended(scene: Scene) -> None:
+    scene.gates.take(pod())
+    scene.registered = None
+    scene.done.clear()
+    scene.gates.take(pod(says="c1", ends=True))
+    assert [step for step, _node in scene.done] == ["keep_latched", "unregister", "forget", "shut_down"]
+    scene.gates.seen.clear()
+    scene.done.clear()
+    scene.gates.take(pod(says="c1", ends=True))
+    assert scene.done == []
+
+
+def test_pods_without_our_gate_are_nobodys_business(scene: Scene) -> None:
+    plain = pod()
+    plain["spec"] = {}
+    scene.gates.take(plain)
+    scene.gates.take({**pod(), "metadata": {**pod()["metadata"], "annotations": {}}})
+    assert not scene.gates.pods
+
+
+def test_it_follows_what_happens(scene: Scene) -> None:
+    def event(kind: str, version: str, item: Object | None = None) -> Object:
+        made = item or {"metadata": {}}
+        return {"type": kind, "object": {**made, "metadata": {**made["metadata"], "resourceVersion": version}}}
+
+    scene.api.there = [pod("old", says="c1")]
+    scene.api.events = [event("ADDED", "2", pod()), event("DELETED", "3", pod("old")), event("BOOKMARK", "9")]
+    assert scene.gates.follow("") == "9"
+    assert list(scene.gates.pods) == ["new"]
+    scene.api.events = [event("ERROR", "")]
+    assert scene.gates.follow("9") == ""
+
+
+def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    class StopError(BaseException):
+        """The loop has no end of its own."""
+
+    found = iter(
+        ["7", ApiError("too old", 410), ApiError("it is away"), ApiError("it is away"), ValueError("bad"), "8"]
+    )
+    asked: list[str] = []
+
+    def follow(version: str) -> str:
+        asked.append(version)
+        one: Any = next(found, None)
+        if one is None:
+            raise StopError
+        if isinstance(one, Exception):
+            raise one
+        return str(one)
+
+    monkeypatch.setattr(scene.gates, "follow", follow)
+    with pytest.raises(StopError):
+        scene.gates.run()
+    assert asked == ["", "7", "", "", "", "", "8"]
+    assert scene.log == [
+        "readiness of pods: it is away", "error: ValueError: bad", "readiness of pods: the Kubernetes API answers",
+    ]  # fmt: skip
+    assert scene.at == 3 * readiness.AGAIN
+
+
+def test_what_the_version_before_sends_is_listened_to_once() -> None:
+    class Ros:
+        listened = 0
+
+        def rates(self, graph: Graph, seconds: Any, patient: bool) -> dict[str, Rate]:
+            assert patient
+            assert [*seconds] == [*graph.topics] == ["/out"]
+            self.listened += 1
+            (key,) = graph.topic("/out").publishers
+            return {"/out": Rate(9.0, 9, 1.0, by={key: Rate(9.0, 9, 1.0, known=9.0)})}
+
+        def handshakes(self, graph: Graph, _topics: Any) -> dict[str, Handshake]:
+            return {"/out": Handshake(graph.topic("/out").publishers[0], "aa", latching=True)}
+
+    old, other, peer = NodeKey("/a", "u"), NodeKey("/b", "v"), NodeKey("/c", "w")
+    topics = {
+        "/out": Topic("/out", publishers=(old, other), subscribers=(peer,), connections=((old, peer), (other, peer))),
+        "/unheard": Topic("/unheard", publishers=(old,)),
+    }
+    graph, ros = Graph({key: Node(*key) for key in (old, other, peer)}, topics), Ros()
+    sent = readiness.Sent(cast("Backend", ros))
+    for _look in range(2):
+        found = sent(graph, ["/a"]).topic("/out")
+        assert (dict(found.rates), found.md5sum, found.latched) == ({old: 9.0}, "aa", (old,))
+    assert ros.listened == 1
+
+
+def test_a_node_that_was_found_is_remembered(scene: Scene) -> None:
+    keep = scene.gates.looks(pod()).outside.keep
+    keep(OWN, State(URI, 7, {}))
+    assert scene.gates.seen["new"].uri == URI
