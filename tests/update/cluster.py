@@ -18,6 +18,7 @@ from runs import CHECKOUT, wait_until
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 APP, UPDATING = "rosops.fleet/app", "rosops.fleet/updating"
+GATE = "rosops.fleet/ready"
 MASTER, KEEPER, CODE = "ros-master", "ros-keeper", "rosops-code"
 # Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
 STORAGE = "/var/lib/rancher/k3s/storage"
@@ -47,6 +48,7 @@ class Pod:
     going: bool
     containers: tuple[str, ...]
     ended: str  # how one of its containers did last, if it was started again
+    gate: str  # what the keeper says of it, where it has a readiness gate
 
     @property
     def version(self) -> str:
@@ -68,17 +70,18 @@ class Cluster:
             labels = item.metadata.labels or {}
             statuses = item.status.container_statuses or []
             ends = [one.last_state.terminated for one in statuses if one.last_state.terminated]
-            conditions = {one.type: one.status for one in item.status.conditions or []}
+            said = {one.type: one for one in item.status.conditions or []}
             pod = Pod(
                 uid=item.metadata.uid,
                 name=item.metadata.name,
                 image=item.spec.containers[0].image,
                 revision=labels.get("rosops.fleet/revision", ""),
                 template=labels.get("pod-template-hash", ""),
-                ready=conditions.get("Ready") == "True",
+                ready="Ready" in said and said["Ready"].status == "True",
                 going=item.metadata.deletion_timestamp is not None,
                 containers=tuple(sorted(str(one.container_id) for one in statuses)),
                 ended="; ".join(f"{end.reason} ({end.exit_code}) {end.finished_at}" for end in ends),
+                gate=str(said[GATE].message) if GATE in said else "",
             )
             found.setdefault(labels.get(APP, item.metadata.name), []).append(pod)
         return found

@@ -123,13 +123,13 @@ def test_a_version_by_hand_that_never_connects_takes_nobody_s_place(fleet: Fleet
     before, watch = fleet.pods()["robot1"], fleet.watch()
     kubectl(fleet, f"set env deployment/{PUBLISHER} NEVER_CONNECT=true")
     wait_until(lambda: fleet.cluster.pods("robot1")[PUBLISHER], lambda pods: len(pods) == 2, SECONDS, "a second pod")
-    new = next(pod for pod in fleet.cluster.pods("robot1")[PUBLISHER] if pod.uid != before[PUBLISHER][0].uid)
-    told = wait_until(
-        lambda: [line for line in fleet.cluster.events("robot1", "Unhealthy") if line.startswith(new.name)],
-        bool, SECONDS, "why it is not ready", pause=2,
-    )  # fmt: skip
-    assert any("not ready: " in line for line in told), told
-    assert not next(pod for pod in fleet.cluster.pods("robot1")[PUBLISHER] if pod.uid == new.uid).ready
+
+    def new() -> Pod:
+        return next(pod for pod in fleet.cluster.pods("robot1")[PUBLISHER] if pod.uid != before[PUBLISHER][0].uid)
+
+    said = wait_until(new, lambda pod: "connected" in pod.gate, SECONDS, "why it is not ready", pause=2)
+    assert said.gate.startswith("not ready: topic /temperature: 0 of 1 subscriber connected"), said
+    assert not said.ready
     watch.assert_nothing_lost("robot1")
     put_right(fleet, PUBLISHER)
     watch.assert_nothing_lost("robot1")
