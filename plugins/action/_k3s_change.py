@@ -63,7 +63,7 @@ class K3sExchange:
 
     def works(self) -> None:
         asked = {"role": self._role, "member": self._plan["member"], "timeout": self._timeout}
-        found = self._host.module("rosops.fleet.k3s_ready", asked)
+        found = self._host.job("k3s_ready", asked)
         if found.get("failed"):
             raise NotReadyError(str(found.get("msg")))
         self._start = str(self._ask("staged")["start"])

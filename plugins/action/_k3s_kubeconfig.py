@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the role k3s: fetch the administrator's kubeconfig, of which nothing is shown, or delete it."""
+"""For the role k3s: fetch the administrator's kubeconfig, of which nothing is shown."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
-from pathlib import Path
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
@@ -13,23 +12,18 @@ from ..module_utils._host.k3s import KUBECONFIG
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import role_variables
-from ..plugin_utils._k3s.wanted import Wanted, wanted
-from ..plugin_utils._kube.kubeconfig import is_foreign, is_of, keep, local_kubeconfig
+from ..plugin_utils._k3s.wanted import wanted
+from ..plugin_utils._kube.kubeconfig import is_foreign, keep, local_kubeconfig
 
 
 class ActionModule(FleetAction):
     """`there`: whether the server has one already, which check mode cannot do without."""
 
-    ARGUMENTS: ClassVar = {
-        "there": {"type": "bool", "default": True},
-        "state": {"type": "str", "choices": ["present", "absent"], "default": "present"},
-    }
+    ARGUMENTS: ClassVar = {"there": {"type": "bool", "default": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
         variables = role_variables("k3s", self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
-        if params["state"] == "absent":
-            return self.forget(part, variables["k3s_cluster"])
         if is_foreign(part.kubeconfig):
             return {"changed": False, "msg": f"{part.kubeconfig} was not written by this role and stays as it is"}
         if self._task.check_mode and not params["there"]:
@@ -41,14 +35,3 @@ class ActionModule(FleetAction):
         digest = hashlib.sha256(text).hexdigest()
         config = local_kubeconfig(text.decode(errors="replace"), part.url, variables["k3s_cluster"], digest)
         return {"changed": keep(part.kubeconfig, config, self._task.check_mode), "path": part.kubeconfig}
-
-    def forget(self, part: Wanted, cluster: str) -> Result:
-        """Delete the one that was written for this cluster; another one's stays."""
-        path = Path(part.kubeconfig)
-        if not (part.kubeconfig and path.exists()):
-            return {"changed": False}
-        if not is_of(part.kubeconfig, part.url, cluster):
-            return {"changed": False, "msg": f"{path} was not written for the cluster {cluster} and stays as it is"}
-        if not self._task.check_mode:
-            path.unlink()
-        return {"changed": True, "path": part.kubeconfig}

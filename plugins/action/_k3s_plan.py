@@ -28,7 +28,10 @@ class ActionModule(FleetAction):
         variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
-        now = host.module("rosops.fleet.k3s_info", _look(variables, part, known["hostvars"]))
+        servers = [] if part.init else _addresses(variables, known["hostvars"])
+        asked = {"role": part.role, "files": list(part.started_with), "servers": servers}
+        tokens = {"token": variables["k3s_token"], "agent_token": variables["k3s_agent_token"]}
+        now = host.job("k3s_facts", asked, tokens)
         if now.get("failed") or now.get("unreachable"):
             return now
         joins = "" if part.init else join_url(variables, known["hostvars"], now)
@@ -36,7 +39,7 @@ class ActionModule(FleetAction):
         found = _plan(now, part, variables, known)
         if found["unsure"]:
             self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
-            seen = host.module("rosops.fleet.k3s_ready", {"role": part.role, "timeout": variables["k3s_start_timeout"]})
+            seen = host.job("k3s_ready", {"role": part.role, "timeout": variables["k3s_start_timeout"]})
             if seen.get("unreachable") or "verdict" not in seen:
                 return seen
             if refusal := unheard_refusal(seen, found, variables):
@@ -49,16 +52,6 @@ class ActionModule(FleetAction):
                 "is started with what the inventory says"
             )
         return {"changed": False, **found}
-
-
-def _look(variables: Variables, part: Wanted, hostvars: Mapping[str, Variables]) -> Result:
-    return {
-        "role": part.role,
-        "files": list(part.started_with),
-        "token": variables["k3s_token"],
-        "agent_token": variables["k3s_agent_token"],
-        "servers": [] if part.init else _addresses(variables, hostvars),
-    }
 
 
 def _addresses(variables: Variables, hostvars: Mapping[str, Variables]) -> list[str]:
