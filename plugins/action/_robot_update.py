@@ -130,11 +130,10 @@ class ActionModule(GatedAction):
         settings = Settings(
             Request(
                 only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
-                remove=tuple(params["remove_apps"]),
+                parts=self._parts, remove=tuple(params["remove_apps"]),
             ),
             check=check,
             code=CODE,
-            parts=self._parts,
             pull_secrets=self._pull_secrets(),
             look_timeout=look,
             since=self._before.get("since") or {},
