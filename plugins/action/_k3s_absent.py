@@ -8,14 +8,13 @@ from pathlib import Path
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._action.variables import role_variables
 from ..plugin_utils._k3s.wanted import wanted
 from ..plugin_utils._kube.kubeconfig import is_of
 
 
 class ActionModule(FleetAction):
     def work(self, _params: Arguments, known: Variables) -> Result:
-        variables = role_variables("k3s", self._templar, known)
+        variables = self.variables(known, "k3s")
         asked = {"volumes": variables["k3s_remove_volumes"], "identity": variables["k3s_remove_identity"]}
         found = ActionHost(self, known, check_mode=self._task.check_mode).job("k3s_remove", asked)
         # other servers may go on with the cluster

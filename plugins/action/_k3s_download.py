@@ -12,7 +12,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._host.k3s import BINARY
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._action.variables import plain, role_variables
+from ..plugin_utils._action.variables import plain
 
 
 class ActionModule(FleetAction):
@@ -21,7 +21,7 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        plan, variables = plain(params["plan"]), role_variables("k3s", self._templar, known)
+        plan, variables = plain(params["plan"]), self.variables(known, "k3s")
         asked = {name: plan["source"][name] for name in ("url", "sha256", "sums")} | {"dest": BINARY + plan["staged"]}
         host = ActionHost(self, known, check_mode=self._task.check_mode)
         return host.job("k3s_download", asked, {"environment": variables["k3s_environment"]})

@@ -11,7 +11,6 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._host.k3s import KUBECONFIG
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._action.variables import role_variables
 from ..plugin_utils._k3s.wanted import wanted
 from ..plugin_utils._kube.kubeconfig import is_foreign, keep, local_kubeconfig
 
@@ -22,7 +21,7 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {"there": {"type": "bool", "default": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        variables = role_variables("k3s", self._templar, known)
+        variables = self.variables(known, "k3s")
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         if is_foreign(part.kubeconfig):
             return {"changed": False, "msg": f"{part.kubeconfig} was not written by this role and stays as it is"}

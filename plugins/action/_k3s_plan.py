@@ -15,7 +15,7 @@ from ..module_utils._common.poll import PASS
 from ..module_utils._host.k3s_change import NEXT
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._action.variables import change_variables, role_variables
+from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
 from ..plugin_utils._k3s.source import source
 from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
@@ -25,7 +25,7 @@ from ..plugin_utils._model.topology import address
 
 class ActionModule(FleetAction):
     def work(self, _params: Arguments, known: Variables) -> Result:
-        variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
+        variables = self.variables(known, "k3s") | self.variables(known, "update", *OF_EVERY_CHANGE)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
         servers = [] if part.init else _addresses(variables, known["hostvars"])

@@ -8,7 +8,6 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._action.variables import role_variables
 
 
 class ActionModule(FleetAction):
@@ -17,6 +16,6 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {"member": {"type": "str", "default": ""}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        variables = role_variables("k3s", self._templar, known)
+        variables = self.variables(known, "k3s")
         asked = {"role": variables["k3s_role"], "timeout": variables["k3s_start_timeout"], **params}
         return ActionHost(self, known).job("k3s_ready", asked)
