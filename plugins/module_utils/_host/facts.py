@@ -37,6 +37,7 @@ def system(host: Host) -> Facts:
     name, keys = os.uname(), {"id": "ID", "version": "VERSION_ID", "name": "PRETTY_NAME"}
     return {
         "os": {ours: release.get(theirs, "") for ours, theirs in keys.items()},
+        "kernel": name.release,
         "machine": name.machine,
         "hostname": name.nodename,
         "machine_id": host.read("/etc/machine-id").strip(),
