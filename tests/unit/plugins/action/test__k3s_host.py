@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""k3s goes from the host, and the kubeconfig on the control node with its cluster, and only with that."""
+"""What the host is asked to do; and the kubeconfig on the control node goes with its cluster, and only with that."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import _k3s_absent
+from ansible_collections.rosops.fleet.plugins.action import _k3s_host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import kubeconfig_head
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
@@ -19,12 +19,35 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """Of a host on which nothing is left; each with whether it is only looked at."""
     asked: list[tuple[Any, ...]] = []
 
-    def job(host: Any, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
-        asked.append((name, arguments, host.check_mode))
+    def job(host: Any, name: str, arguments: dict[str, Any], secrets: Any = None) -> dict[str, Any]:
+        asked.append((name, arguments | (secrets or {}), host.check_mode))
         return {"changed": False, "removed": {}}
 
-    monkeypatch.setattr(_k3s_absent.ActionHost, "job", job)
+    monkeypatch.setattr(_k3s_host.ActionHost, "job", job)
     return asked
+
+
+SOURCE = {"url": "https://x/k3s", "sha256": "", "sums": "https://x/sums", "path": ""}
+PROXY = {"HTTPS_PROXY": "http://proxy:3128"}
+
+
+@pytest.mark.parametrize(
+    ("do", "plan", "job"),
+    [
+        ("ready", {"member": "edge1"}, ("k3s_ready", {"role": "server", "timeout": 20.0, "member": "edge1"})),
+        ("ready", {}, ("k3s_ready", {"role": "server", "timeout": 20.0, "member": ""})),
+        ("download", {"source": SOURCE, "staged": ".next"}, ("k3s_download", {
+            "url": "https://x/k3s", "sha256": "", "sums": "https://x/sums", "dest": "/usr/local/bin/k3s.next",
+            "environment": PROXY,
+        })),
+    ],
+)  # fmt: skip
+def test_what_the_plan_says(
+    asked: list[tuple[Any, ...]], do: str, plan: dict[str, Any], job: tuple[str, dict[str, Any]]
+) -> None:
+    known = {"k3s_cluster": "edge", "k3s_role": "server", "k3s_server_hosts": ["edge1"], "k3s_start_timeout": "20"}
+    run(_k3s_host, {"do": do, "plan": plan}, {**known, "k3s_environment": PROXY}, False)
+    assert asked == [(*job, False)]
 
 
 def forget(path: Path, host: str = "edge1", check_mode: bool = False, **variables: Any) -> dict[str, Any]:
@@ -34,7 +57,7 @@ def forget(path: Path, host: str = "edge1", check_mode: bool = False, **variable
         "k3s_node_name": host, "k3s_kubeconfig_path": str(path),
         "ansible_play_hosts_all": ["edge1", "edge2"], **variables,
     }  # fmt: skip
-    return run(_k3s_absent, {}, given, check_mode)
+    return run(_k3s_host, {"do": "remove"}, given, check_mode)
 
 
 def test_it_goes_once(tmp_path: Path) -> None:
