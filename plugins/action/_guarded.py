@@ -13,7 +13,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.aside import Turns, begin, come_back
 from ..plugin_utils._action.gated import HostAction
-from ..plugin_utils._action.variables import change_variables, role_variables
+from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._model.fleet import Fleet
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._update.change import NOTHING, word_of
@@ -59,7 +59,7 @@ class ActionModule(HostAction):
 
     def work(self, params: Arguments, known: Variables) -> Result:
         name, ledger = known["inventory_hostname"], self.ledger(known)
-        variables = role_variables("guarded", self._templar, known) | change_variables(self._templar, known)
+        variables = self.variables(known, "guarded") | self.variables(known, "update", *OF_EVERY_CHANGE)
         if params["line"]:
             told = come_back(params["line"], params["failure"])
         else:

@@ -16,7 +16,7 @@ from ..module_utils._host.k3s import BINARY
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import HostAction
 from ..plugin_utils._action.host import RobotHost
-from ..plugin_utils._action.variables import change_variables, plain, role_variables
+from ..plugin_utils._action.variables import OF_EVERY_CHANGE, plain
 from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._model.topology import EDGE_CLUSTER
@@ -63,7 +63,7 @@ class K3sExchange:
 
     def works(self) -> None:
         asked = {"role": self._role, "member": self._plan["member"], "timeout": self._timeout}
-        found = self._host.module("rosops.fleet.k3s_ready", asked)
+        found = self._host.job("k3s_ready", asked)
         if found.get("failed"):
             raise NotReadyError(str(found.get("msg")))
         self._start = str(self._ask("staged")["start"])
@@ -89,7 +89,7 @@ class ActionModule(HostAction):
     ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
+        variables = self.variables(known, "k3s") | self.variables(known, "update", *OF_EVERY_CHANGE)
         # the shared cluster's servers come before everybody else's waves, and are none of theirs
         shared = (variables["k3s_role"], variables["k3s_cluster"]) == ("server", EDGE_CLUSTER)
         name, ledger = known["inventory_hostname"], self.ledger(known, kind=SERVERS if shared else "")

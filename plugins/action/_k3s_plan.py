@@ -15,7 +15,7 @@ from ..module_utils._common.poll import PASS
 from ..module_utils._host.k3s_change import NEXT
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._action.variables import change_variables, role_variables
+from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
 from ..plugin_utils._k3s.source import source
 from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
@@ -25,10 +25,13 @@ from ..plugin_utils._model.topology import address
 
 class ActionModule(FleetAction):
     def work(self, _params: Arguments, known: Variables) -> Result:
-        variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
+        variables = self.variables(known, "k3s") | self.variables(known, "update", *OF_EVERY_CHANGE)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
-        now = host.module("rosops.fleet.k3s_info", _look(variables, part, known["hostvars"]))
+        servers = [] if part.init else _addresses(variables, known["hostvars"])
+        asked = {"role": part.role, "files": list(part.started_with), "servers": servers}
+        tokens = {"token": variables["k3s_token"], "agent_token": variables["k3s_agent_token"]}
+        now = host.job("k3s_facts", asked, tokens)
         if now.get("failed") or now.get("unreachable"):
             return now
         joins = "" if part.init else join_url(variables, known["hostvars"], now)
@@ -36,7 +39,7 @@ class ActionModule(FleetAction):
         found = _plan(now, part, variables, known)
         if found["unsure"]:
             self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
-            seen = host.module("rosops.fleet.k3s_ready", {"role": part.role, "timeout": variables["k3s_start_timeout"]})
+            seen = host.job("k3s_ready", {"role": part.role, "timeout": variables["k3s_start_timeout"]})
             if seen.get("unreachable") or "verdict" not in seen:
                 return seen
             if refusal := unheard_refusal(seen, found, variables):
@@ -49,16 +52,6 @@ class ActionModule(FleetAction):
                 "is started with what the inventory says"
             )
         return {"changed": False, **found}
-
-
-def _look(variables: Variables, part: Wanted, hostvars: Mapping[str, Variables]) -> Result:
-    return {
-        "role": part.role,
-        "files": list(part.started_with),
-        "token": variables["k3s_token"],
-        "agent_token": variables["k3s_agent_token"],
-        "servers": [] if part.init else _addresses(variables, hostvars),
-    }
 
 
 def _addresses(variables: Variables, hostvars: Mapping[str, Variables]) -> list[str]:

@@ -13,30 +13,21 @@ from ..plugin_utils._images.node import Brought, NodeImages
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._objects.parts import images
 
-ARCHIVE = {
-    "path": {"type": "path", "required": True},
-    "images": {"type": "list", "elements": "str", "default": []},
-}
-LOGIN = {
-    "name": {"type": "str"},
-    "registry": {"type": "str"},
-    "username": {"type": "str"},
-    "password": {"type": "str", "no_log": True},
-}
-
 
 class ActionModule(FleetAction):
+    """`names` are images beside those of the role's variables, `logins` items of robot_namespace_pull_secrets."""
+
     TRANSFERS_FILES = True
     ARGUMENTS: ClassVar = {
-        "archives": {"type": "list", "elements": "dict", "default": [], "options": ARCHIVE},
         "names": {"type": "list", "elements": "str", "default": []},
-        "logins": {"type": "list", "elements": "dict", "default": [], "options": LOGIN, "no_log": True},
-        "rate_limit": {"type": "str", "default": ""},
+        "logins": {"type": "list", "elements": "dict", "default": [], "no_log": True},
     }
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        node = NodeImages(ActionHost(self, known), params["rate_limit"], self.say(known), params["logins"])
-        return _outcome(node.bring(params["archives"], params["names"], self._task.check_mode, _kept(known)))
+        wanted = self.variables(known, "images")
+        node = NodeImages(ActionHost(self, known), wanted["images_rate_limit"], self.say(known), params["logins"])
+        names = [*wanted["images_refs"], *params["names"]]
+        return _outcome(node.bring(wanted["images_archives"], names, self._task.check_mode, _kept(known)))
 
 
 def _kept(known: Variables) -> list[str]:

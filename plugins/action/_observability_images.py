@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._action.variables import role_variables
 from ..plugin_utils._observability.spec import images, spec_of
 
 
@@ -13,5 +12,5 @@ class ActionModule(FleetAction):
     _requires_connection = False
 
     def work(self, _params: Arguments, known: Variables) -> Result:
-        spec = spec_of(role_variables("observability", self._templar, known))
+        spec = spec_of(self.variables(known, "observability"))
         return {"changed": False, "images": images(spec), "_ansible_verbose_always": True}

@@ -11,7 +11,6 @@ import secrets
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._step.objects import Object
 from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ..plugin_utils._action.variables import role_variables
 from ..plugin_utils._kube.cache import parse_refs
 from ..plugin_utils._kube.client import Kube, ref_of
 from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
@@ -47,7 +46,7 @@ class ActionModule(ClusterAction):
     def _given(self, known: Variables) -> tuple[Spec, Files]:
         fleet, host = Fleet.from_vars(known), known["inventory_hostname"]
         robot = host if host in fleet.robots else ""
-        variables = role_variables("observability", self._templar, known)
+        variables = self.variables(known, "observability")
         spec = spec_of(variables, robot, () if robot else fleet.edge_nodes)
         base = str(known.get("inventory_dir") or "")
         return spec, stack_files(spec["dashboards"], base, spec["grafana"]["default_dashboards"])

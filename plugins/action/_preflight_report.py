@@ -7,7 +7,6 @@ from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._action.variables import role_variables
 from ..plugin_utils._preflight.findings import ERROR, judge, report
 from ..plugin_utils._preflight.requirements import PART, requirements, server_addresses
 
@@ -28,7 +27,7 @@ class ActionModule(FleetAction):
         name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
         if "facts" not in hostvars[host][name]:
             return {"changed": False, "skipped": True, "msg": "it could not be reached"}
-        variables = role_variables("preflight", self._templar, known)
+        variables = self.variables(known, "preflight")
         wanted = requirements(params, variables, server_addresses(params["servers"], host, hostvars))
         # every host of the play that answered: names and MTUs are compared across them
         looks = {other: hostvars[other][name] for other in known["ansible_play_hosts"]}

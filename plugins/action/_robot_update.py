@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.cancelled import cancellable
@@ -23,9 +23,10 @@ from ..plugin_utils._kube.applied import diff_of
 from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
+from ..plugin_utils._model.formats import listed
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
-from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, images, tagged_parts, workload_objects
+from ..plugin_utils._objects.parts import CODE, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.engine import Engine
 from ..plugin_utils._update.hands import Settings, look_seconds
@@ -34,30 +35,11 @@ from ..plugin_utils._update.ledger import FLEET, Ledger
 from ..plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ..plugin_utils._update.plan import Request
 
-UPDATE_ARGS: dict[str, dict[str, Any]] = {
-    "apps": {"type": "list", "elements": "str", "default": []},
-    "to": {"type": "str", "default": ""},
-    "shared": {"type": "bool", "default": True},
-    "own": {"type": "bool", "default": True},
-    "on_busy": {"type": "str", "choices": ["wait", "defer", "force"], "default": "wait"},
-    "busy_timeout": {"type": "float", "default": 600},
-    "come_back": {"type": "bool", "default": False},
-    "ready_timeout": {"type": "float", "default": 120},
-    "verify_seconds": {"type": "float", "default": 1},
-    "soak": {"type": "float", "default": 120},
-    "rate_tolerance": {"type": "float", "default": 0.1},
-    "rate_seconds": {"type": "float", "default": 1},
-    "failure_budget": {"type": "str", "default": "0"},
-    "parts": {"type": "list", "elements": "str", "choices": list(PARTS), "default": [*PARTS[:-1]]},
-    "at_work": {"type": "bool", "default": True},
-    "rollout_timeout": {"type": "float", "default": 300},
-    "remove_claims": {"type": "list", "elements": "str", "default": []},
-    "remove_confirm": {"type": "bool", "default": False},
-    "remove_apps": {"type": "list", "elements": "str", "default": []},
-    "strict": {"type": "bool", "default": False},
-    "image_archives": {"type": "list", "elements": "dict", "default": []},
-    "image_names": {"type": "list", "elements": "str", "default": []},
-    "image_rate_limit": {"type": "str", "default": ""},
+# What an update takes of other roles' variables.
+OF_OTHERS = {
+    "images": ("images_archives", "images_refs", "images_rate_limit"),
+    "ros_app": ("ros_app_rollout_timeout",),
+    "storage": ("storage_remove_claims", "storage_remove_confirm"),
 }
 
 
@@ -65,10 +47,11 @@ class ActionModule(GatedAction):
     KIND = "robot"
     # Not TRANSFERS_FILES: for that Ansible contacts the host before any of this runs. One that is off would leave the
     # run there, and be the end of it where it is all of a wave.
-    ARGUMENTS: ClassVar = UPDATE_ARGS
 
     def work(self, params: Arguments, known: Variables) -> Result:
+        """`params` get the role's variables, those of its own without `update_`."""
         self._vars, self._host = known, str(known["inventory_hostname"])
+        params = {**params, **self._given(known)}
         run_tags, skip_tags = known.get("ansible_run_tags") or (), known.get("ansible_skip_tags") or ()
         self._parts = tagged_parts(params["parts"], run_tags, skip_tags)
         # robots that need no wave are one of their own
@@ -79,6 +62,14 @@ class ActionModule(GatedAction):
             if needs_fleet_namespace(robot_from_vars(known)) and not ledger.fleet_done():
                 return self._turn(params, ledger)
         return {"changed": False}
+
+    def _given(self, known: Variables) -> Result:
+        found = {name.removeprefix("update_"): said for name, said in self.variables(known, "update").items()}
+        for role, names in OF_OTHERS.items():
+            found |= self.variables(known, role, *names)
+        for name in ("apps", "remove_apps"):  # also as a survey's answer
+            found[name] = listed(self._templar.template(known.get(f"update_{name}")))
+        return {**found, "to": found["to"] or ("previous" if found["back"] else "")}
 
     def _turn(self, params: Arguments, ledger: Ledger) -> Result:
         known, before = self._vars, ledger.last(self._host)
@@ -125,32 +116,34 @@ class ActionModule(GatedAction):
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
         check, edge, look = bool(self._task.check_mode), self._edge_images(), None
-        if params["come_back"] and params["own"]:
+        if params["own"]:
             look = look_seconds(params["busy_timeout"], bool(self._before.get("since")))
         settings = Settings(
             Request(
                 only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
-                remove=tuple(params["remove_apps"]),
+                parts=self._parts, remove=tuple(params["remove_apps"]),
             ),
             check=check,
             code=CODE,
-            parts=self._parts,
             pull_secrets=self._pull_secrets(),
             look_timeout=look,
             since=self._before.get("since") or {},
             earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
             edge_images={name: list(there) for name, there in edge.items()},
-            known=self._known(params["image_archives"], edge),
+            known=self._known(params["images_archives"], edge),
+            rollout_timeout=params["ros_app_rollout_timeout"],
+            remove_claims=params["storage_remove_claims"],
+            remove_confirm=params["storage_remove_confirm"],
             **{name: params[name] for name in (
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "soak", "rate_tolerance", "rate_seconds",
-                "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
+                "at_work",
             )},
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
 
         def source(there: RobotHost) -> ImageSource:
-            node = NodeImages(there, params["image_rate_limit"], self.say(self._vars), self._pull_secrets())
-            return ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
+            node = NodeImages(there, params["images_rate_limit"], self.say(self._vars), self._pull_secrets())
+            return ImageSource(node, params["images_archives"], params["images_refs"], images(robot, "local"))
 
         engine = Engine(robot, settings, self.run_of(kube, self._vars), self.world(self._vars, source))
         outcome, self._since = engine.run(), engine.waiting

@@ -16,14 +16,20 @@ options:
   job:
     description:
       - V(facts) reads what decides whether k3s can run on the host, for the role P(rosops.fleet.preflight#role).
-      - V(k3s_change) exchanges the host's k3s and keeps the one before, for the role P(rosops.fleet.k3s#role).
+        The others are for the role P(rosops.fleet.k3s#role).
+      - V(k3s_facts) reads what k3s is there, V(k3s_ready) waits until it serves, V(k3s_download) brings its binary,
+        V(k3s_change) exchanges it and keeps the one before, V(k3s_remove) takes it off the host.
     type: str
-    choices: [facts, k3s_change]
+    choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove]
     required: true
   arguments:
     description: What the job takes.
     type: dict
     required: true
+  secrets:
+    description: More of that, which no log gets.
+    type: dict
+    default: {}
 author:
   - rosops.fleet contributors (@rosops)
 """
@@ -32,17 +38,26 @@ EXAMPLES = r"""
 # None, it is private.
 """
 
+import os
 import time
-from typing import Any, Mapping
+from pathlib import Path
 
 from ansible.module_utils.basic import AnsibleModule
+from ansible.module_utils.urls import open_url
 
-from ..module_utils._common.errors import FleetError
+from ..module_utils._common.documents import Arguments
+from ..module_utils._common.errors import FleetError, NotReadyError
+from ..module_utils._common.poll import PASS, poll
+from ..module_utils._host.download import fetch, listed_sum, proxies
 from ..module_utils._host.facts import Facts, collect
-from ..module_utils._host.k3s import BINARY, Host
+from ..module_utils._host.k3s import BINARY, SERVICES, Host, K3sHost, sha256, without_secrets
 from ..module_utils._host.k3s_change import NEXT, K3sChange
+from ..module_utils._host.k3s_facts import k3s_facts
+from ..module_utils._host.k3s_remove import Remover
 
-Arguments = Mapping[str, Any]  # a job's, from the collection's own action
+LOOKS = 0.5  # seconds from one look to the next
+JOURNAL_LINES = 15
+ANSWER = 60.0  # seconds that a download's server has for it
 
 
 def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
@@ -51,6 +66,48 @@ def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
     found = collect(Host(), ports, arguments["reach"], arguments["timeout"])
     # Both readings, for the action: the time in between is the module's own work, no part of the way.
     return {"changed": False, "facts": {**found, "clock": {"began": began, "ended": time.time()}}}
+
+
+def look(module: AnsibleModule, arguments: Arguments) -> Facts:
+    """See `k3s_facts`. Tokens are compared on the host and never returned."""
+    return {"changed": False, **k3s_facts(K3sHost(module.run_command), arguments)}
+
+
+def k3s_ready(module: AnsibleModule, arguments: Arguments) -> Facts:
+    """Wait `timeout` seconds until the unit of the `role` is up and, on a server, its API says that it is ready.
+
+    `member` is the Node's name of a server that shares its datastore with others: its vote in etcd is waited for, too.
+    NotReadyError has the last observation and the end of the unit's journal, without tokens and passwords.
+    """
+    host, role, timeout = K3sHost(module.run_command), arguments["role"], arguments["timeout"]
+    service = SERVICES[role]
+    began = time.time() - 5  # the start was asked for just before
+    restarts = int(host.show(service).get("NRestarts") or 0)
+    polled = poll(lambda: host.look(role, arguments.get("member", ""), restarts), timeout, LOOKS)
+    found = {"verdict": polled.verdict, "observed": str(polled.last), "elapsed": round(polled.elapsed, 2)}
+    if polled.verdict == PASS:
+        return {"changed": False, **found}
+    how = f"not ready after {timeout:g} s" if polled.timed_out else "will not become ready"
+    journal = host.journal(service, JOURNAL_LINES, began)
+    told = f"{service} {how}: {polled.last}\nThe end of its journal (journalctl -u {service}):\n{journal}"
+    raise NotReadyError(told, **found)
+
+
+def k3s_download(module: AnsibleModule, arguments: Arguments) -> Facts:
+    """`arguments` are the `url`, where it goes (`dest`), its `sha256`, and where that is empty `sums`, the address of a
+    list as sha256sum writes it. The `environment` is that of k3s's unit: what it says of proxies counts.
+    """
+    url, place, expected = arguments["url"], Path(arguments["dest"]), arguments["sha256"]
+    if module.check_mode:
+        return {"changed": not expected or sha256(place) != expected}
+    os.environ.update(proxies(arguments["environment"]))
+    try:
+        if not expected:
+            sums = open_url(arguments["sums"], timeout=ANSWER).read().decode()
+            expected = listed_sum(sums, url.rpartition("/")[2], arguments["sums"])
+        return {"changed": fetch(lambda at: open_url(at, timeout=ANSWER), url, place, expected)}
+    except (FleetError, OSError) as error:
+        raise FleetError(without_secrets(f"{url} could not be downloaded: {error}")) from error
 
 
 def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
@@ -79,7 +136,27 @@ def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
     }
 
 
-JOBS = {"facts": facts, "k3s_change": k3s_change}
+def k3s_remove(module: AnsibleModule, arguments: Arguments) -> Facts:
+    """With `volumes` and `identity` the data of persistent volumes goes, too, and the node's password: a cluster that
+    goes on without this node knows it by that. `removed`: what went, or would go in check mode, each kind a list.
+    """
+    remover = Remover(module.run_command, module.get_bin_path, dry=module.check_mode)
+    try:
+        removed = remover.everything(arguments["volumes"], arguments["identity"])
+    except (FleetError, OSError) as error:
+        told = f"k3s is not wholly removed: {error}. Running this again goes on where it ended."
+        raise FleetError(told) from error
+    return {"changed": any(removed.values()), "removed": removed}
+
+
+JOBS = {
+    "facts": facts,
+    "k3s_facts": look,
+    "k3s_ready": k3s_ready,
+    "k3s_download": k3s_download,
+    "k3s_change": k3s_change,
+    "k3s_remove": k3s_remove,
+}
 
 
 def main() -> None:
@@ -87,13 +164,16 @@ def main() -> None:
         argument_spec={
             "job": {"type": "str", "choices": list(JOBS), "required": True},
             "arguments": {"type": "dict", "required": True},
+            "secrets": {"type": "dict", "default": {}, "no_log": True},
         },
         supports_check_mode=True,
     )
-    job, arguments = module.params["job"], module.params["arguments"]
+    job, arguments = module.params["job"], {**module.params["arguments"], **module.params["secrets"]}
     try:
         result = JOBS[job](module, arguments)
-    except (FleetError, OSError) as error:
+    except FleetError as error:
+        module.fail_json(msg=str(error), **error.details)
+    except OSError as error:
         module.fail_json(msg=f"{job}: {error}")
     module.exit_json(**result)
 

@@ -173,23 +173,33 @@ class Robot:
         return Seen(seen.verdict, seen)
 
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
-        return _at_once({name: partial(self._hold, name, server) for name, server in servers.items()})
+        try:
+            now = self._now(servers)
+        except (OSError, RosError) as error:
+            return dict.fromkeys(servers, str(error))
+        return _at_once({name: partial(self.keeper.hold, name, one, self.seconds) for name, one in now.items()})
 
-    def _hold(self, action: str, server: str) -> str:
-        return self.keeper.hold(action, self._now(action, server), self.seconds)
-
-    def _now(self, action: str, server: str) -> str:
-        """What the server is called in its pod."""
-        return next((one for one in self.ros.state().servers(action) if is_meant(one, [server])), server)
+    def _now(self, servers: Mapping[str, str]) -> dict[str, str]:
+        """What each action's server is called in its pod."""
+        there = self.ros.state()
+        return {
+            action: next((one for one in there.servers(action) if is_meant(one, [server])), server)
+            for action, server in servers.items()
+        }
 
     def release(self, actions: Iterable[str]) -> Mapping[str, str]:
         return _at_once({name: partial(self.keeper.release, name) for name in actions})
 
-    def isolate(self, action: str, server: str) -> None:
+    def isolate(self, servers: Mapping[str, str]) -> None:
         """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
-        with contextlib.suppress(OSError, RosError):  # whatever comes through after all shows in the next look
-            for uri in self.ros.addresses([self._now(action, server)])[0].values():
-                tell_publishers(uri, f"{action}/goal", [], self.ros.timeout)
+        unheard = contextlib.suppress(OSError, RosError)  # whatever comes through after all shows in the next look
+        with unheard:
+            now = self._now(servers)
+            uris = self.ros.addresses(dict.fromkeys(now.values()))[0]
+            for action, server in now.items():
+                with unheard:
+                    if server in uris:
+                        tell_publishers(uris[server], f"{action}/goal", [], self.ros.timeout)
 
 
 def _at_once(calls: Mapping[str, Callable[[], str]]) -> Mapping[str, str]:

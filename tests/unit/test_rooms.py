@@ -53,8 +53,8 @@ WRONG = {
         "plugin_utils stays on the control node",
     ),
     "a module on the control node": (
-        {"modules/k3s_info.py": f"import {FULL}.plugin_utils._k3s.plan\n"},
-        "plugins/modules/k3s_info.py: imports plugins.plugin_utils._k3s.plan; plugin_utils stays on the control node",
+        {"modules/ros_ready.py": f"import {FULL}.plugin_utils._k3s.plan\n"},
+        "plugins/modules/ros_ready.py: imports plugins.plugin_utils._k3s.plan; plugin_utils stays on the control node",
     ),
     "a plugin from below": (
         {"plugin_utils/_report/run.py": f"from {FULL}.callback.fleet_report import CallbackModule\n"},
@@ -71,8 +71,8 @@ WRONG = {
         "plugins/module_utils/_pod/stop.py: imports ansible.module_utils.basic; there is no Ansible in a pod",
     ),
     "Ansible's control node on a host": (
-        {"modules/k3s_info.py": "from ansible.errors import AnsibleError\n"},
-        "plugins/modules/k3s_info.py: imports ansible.errors; only ansible.module_utils goes to hosts",
+        {"modules/ros_ready.py": "from ansible.errors import AnsibleError\n"},
+        "plugins/modules/ros_ready.py: imports ansible.errors; only ansible.module_utils goes to hosts",
     ),
     "a library on a host": (
         {"module_utils/_host/facts.py": "import yaml\n"},

@@ -37,6 +37,7 @@ def system(host: Host) -> Facts:
     name, keys = os.uname(), {"id": "ID", "version": "VERSION_ID", "name": "PRETTY_NAME"}
     return {
         "os": {ours: release.get(theirs, "") for ours, theirs in keys.items()},
+        "kernel": name.release,
         "machine": name.machine,
         "hostname": name.nodename,
         "machine_id": host.read("/etc/machine-id").strip(),
@@ -116,14 +117,8 @@ def routes(host: Host) -> list[Facts]:
     for row in (line.split() for line in host.read("/proc/net/ipv6_route").splitlines()):
         if len(row) >= 10 and row[0] == "0" * 32 and row[1] == "00" and row[9] != "lo":
             found.append((6, int(row[5], 16), row[9]))
-    return [
-        {
-            "family": family,
-            "interface": interface,
-            "mtu": int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0),
-        }
-        for family, _metric, interface in sorted(found)
-    ]
+    sizes = {name: int(host.read(f"/sys/class/net/{name}/mtu").strip() or 0) for _family, _metric, name in found}
+    return [{"family": family, "interface": name, "mtu": sizes[name]} for family, _metric, name in sorted(found)]
 
 
 def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
@@ -139,10 +134,7 @@ def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
                         sockets[row[9]] = pair
     owners = socket_owners(host, sockets) if sockets else {}
     held = {(*pair, *owners.get(inode, ("", False))) for inode, pair in sockets.items()}
-    return [
-        {"protocol": protocol, "port": port, "process": process, "k3s": k3s}
-        for protocol, port, process, k3s in sorted(held)
-    ]
+    return [dict(zip(("protocol", "port", "process", "k3s"), row)) for row in sorted(held)]
 
 
 def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, bool]]:

@@ -27,8 +27,8 @@ class World(Protocol):
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
         """Action -> why its goals are not held, or nothing. All at once: who hangs is waited for a single time."""
 
-    def isolate(self, action: str, server: str) -> None:
-        """Tell the server that nobody sends it goals."""
+    def isolate(self, servers: Mapping[str, str]) -> None:
+        """Tell each action's server that nobody sends it goals."""
 
     def release(self, actions: Iterable[str]) -> Mapping[str, str]:
         """Action -> why its goals may not have been let go, or nothing. All at once."""
@@ -73,8 +73,8 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
         problems = [f"goals of {action} are not held: {why}" for action, why in refused.items() if why]
 
         def rest(held: Mapping[str, str] = held) -> Seen:
-            for action, server in held.items():  # at every look: the master tells the server of each new client
-                world.isolate(action, server)
+            if held:
+                world.isolate(held)  # at every look: the master tells the server of each new client
             return world.look()
 
         again = poll(rest, SECOND_LOOK, INTERVAL, CONSECUTIVE, now=now, sleep=sleep)

@@ -27,7 +27,7 @@ KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
 SERVICES = {"server": "k3s", "agent": "k3s-agent"}
 # The unit writes here what it was started with (plugin_utils/_k3s/wanted.py).
 STARTED_WITH = "/run/rosops-fleet-{service}.started"
-SHOWN = ("LoadState", "ActiveState", "SubState", "UnitFileState", "NeedDaemonReload", "NRestarts", "Result")
+SHOWN = ("LoadState", "ActiveState", "SubState", "UnitFileState", "NRestarts", "Result")
 RESTARTS_ALLOWED = 3
 FULL_TOKEN = re.compile(r"^K10[0-9a-f]{64}::")
 # Forms in which k3s and what it runs write secrets; what is named `before` stays.

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from typing import Callable, Iterable, Mapping, Sequence, Tuple, TypeVar
 
 from .._common.documents import Data, Document
-from .arrivals import DENSE
+from .arrivals import DENSE, LEAST_SHARE
 from .graph import ANY_TYPE, Graph, NodeKey, Topic, names_of
 from .names import by_revision, is_tool, matches, renamed
 
@@ -306,11 +306,9 @@ def as_before(graph: Graph, nodes: Sequence[str], earlier: Contract) -> Graph:
     topics = {}
     for name, topic in graph.topics.items():
         known = next((part.topics[name] for part in earlier.parts if name in part.topics), Published())
-        rates = {
-            key: min(rate, hz)
-            for key, hz in topic.unsteady.items()
-            if key.name in nodes and (rate := known.publishers.get(key.name, known.first).rate) and 2 * hz >= rate
-        }
+        sent = {key: hz for key, hz in topic.unsteady.items() if key.name in nodes}
+        owed = {key: known.publishers.get(key.name, known.first).rate or 0.0 for key in sent}
+        rates = {key: min(owed[key], hz) for key, hz in sent.items() if owed[key] and hz >= LEAST_SHARE * owed[key]}
         topics[name] = replace(topic, rates={**topic.rates, **rates}) if rates else topic
     return replace(graph, topics=topics)
 

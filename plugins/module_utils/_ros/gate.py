@@ -66,7 +66,7 @@ def questions(state: MasterState, conditions: Conditions) -> Questions:
     )
 
 
-def in_pods(ros: Backend, state: MasterState, conditions: Conditions) -> Conditions:
+def as_registered(ros: Backend, state: MasterState, conditions: Conditions) -> Conditions:
     """The conditions with the names that the nodes of revisions have now, each in its pod.
 
     While one pod of a revision takes another's place there are two, of which one that lives is meant. What is to be
@@ -198,7 +198,7 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
         rates: Mapping[str, Rate] | None = None, said: Said | None = None
     ) -> tuple[Graph, Conditions, list[Check]]:
         state = ros.state(types=any(topic.type for topic in conditions.topics))
-        wanted, began = in_pods(ros, state, conditions), silence.now()
+        wanted, began = as_registered(ros, state, conditions), silence.now()
         graph = silence.noted(ros.ask(state, questions(state, wanted)), began)
         checks = evaluate(graph, wanted, rates, said, ears)
         return graph, wanted, [Check("master", ros.uri, PASS, "answers"), *checks]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Collection, Iterable, Mapping, NamedTuple, Tuple
+from typing import Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
 from urllib.parse import urlsplit
 
-from .names import is_meant
+from .names import by_revision, is_meant
 
 ANY_TYPE = "*"  # what a node says that takes any message type
 # s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
@@ -40,6 +40,7 @@ class NodeKey(NamedTuple):
 
 
 Keys = Tuple[NodeKey, ...]
+Told = TypeVar("Told")
 
 
 def names_of(keys: Iterable[NodeKey]) -> list[str]:
@@ -322,24 +323,45 @@ class Graph:
         """The graph with what these nodes say, each in the place of the one of its name that nobody had asked."""
         said = {node.key: node for node in nodes}
         moved = {NodeKey(key.name): key for key in said}
+        graph = self._called(lambda key: moved.get(key, key))
+        return replace(graph, nodes={**graph.nodes, **said})
 
-        def new(keys: Iterable[NodeKey]) -> Keys:
-            return tuple(moved.get(key, key) for key in keys)
+    def by_revision(self) -> Graph:
+        """The graph with the names of revisions. Two pods of one are two nodes of one name then."""
+        graph = self._called(lambda key: key._replace(name=by_revision(key.name)), by_revision)
+        return replace(graph, nodes={key: _by_revision(node) for key, node in graph.nodes.items()})
 
-        def told(topic: Topic) -> Topic:
-            if not any(key in moved for key in (*topic.publishers, *topic.subscribers)):
-                return topic  # most of them, where few nodes of a large graph were asked
-            edges = zip(new(key for key, _peer in topic.connections), new(peer for _key, peer in topic.connections))
-            ends = new(topic.publishers), new(topic.subscribers)
-            return replace(topic, publishers=ends[0], subscribers=ends[1], connections=tuple(edges))
+    def _called(self, key_of: Callable[[NodeKey], NodeKey], name_of: Callable[[str], str] = str) -> Graph:
+        """The graph with other keys, and other names of topics, services and actions."""
 
-        services = {name: replace(one, providers=new(one.providers)) for name, one in self.services.items()}
-        actions = {}
-        for name, one in self.actions.items():
-            statuses = dict(zip(new(one.statuses), one.statuses.values()))
-            actions[name] = replace(one, servers=new(one.servers), clients=new(one.clients), statuses=statuses)
-        topics = {name: told(topic) for name, topic in self.topics.items()}
-        return Graph({**dict(zip(new(self.nodes), self.nodes.values())), **said}, topics, services, actions)
+        def keys(found: Iterable[NodeKey]) -> Keys:
+            return tuple(map(key_of, found))
+
+        def by_key(told: Mapping[NodeKey, Told]) -> dict[NodeKey, Told]:
+            return {key_of(key): one for key, one in told.items()}
+
+        def topic(one: Topic) -> Topic:
+            name, publishers, subscribers = name_of(one.name), keys(one.publishers), keys(one.subscribers)
+            edges = tuple((key_of(key), key_of(peer)) for key, peer in one.connections)
+            if (name, publishers, subscribers, edges) == (one.name, one.publishers, one.subscribers, one.connections):
+                return one  # most of them, where few nodes of a large graph are called otherwise
+            kept = replace(one, name=name, publishers=publishers, subscribers=subscribers, connections=edges)
+            return replace(kept, rates=by_key(one.rates), unsteady=by_key(one.unsteady), latched=keys(one.latched))
+
+        def service(one: Service) -> Service:
+            probe = one.probe and replace(one.probe, provider=name_of(one.probe.provider))
+            return replace(one, name=name_of(one.name), providers=keys(one.providers), probe=probe)
+
+        def action(one: Action) -> Action:
+            ends = keys(one.servers), keys(one.clients)
+            return Action(name_of(one.name), one.type, *ends, by_key(one.statuses))
+
+        return Graph(
+            by_key(self.nodes),
+            {one.name: one for one in map(topic, self.topics.values())},
+            {one.name: one for one in map(service, self.services.values())},
+            {one.name: one for one in map(action, self.actions.values())},
+        )
 
     def measured(
         self,
@@ -352,6 +374,14 @@ class Graph:
         topics = {name: _measured(topic, rates.get(name), said.get(name)) for name, topic in self.topics.items()}
         services = {name: replace(one, connections=open_.get(name)) for name, one in self.services.items()}
         return replace(self, topics=topics, services=services)
+
+
+def _by_revision(node: Node) -> Node:
+    """What a node says of its single connections is called as it says."""
+    has = (tuple(map(by_revision, names)) for names in (node.publications, node.subscriptions, node.services))
+    publications, subscriptions, services = has
+    name = by_revision(node.name)
+    return replace(node, name=name, publications=publications, subscriptions=subscriptions, services=services)
 
 
 def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:

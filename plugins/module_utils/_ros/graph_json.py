@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Callable, Iterable
+from typing import Iterable
 
 from .._common.documents import Data, Document
 from .graph import (
@@ -20,7 +20,6 @@ from .graph import (
     Topic,
     names_of,
 )
-from .names import by_revision
 
 
 def graph_data(graph: Graph, definitions: bool = False) -> Data:
@@ -33,20 +32,20 @@ def graph_data(graph: Graph, definitions: bool = False) -> Data:
     }
 
 
-def graph_from(data: Document, called: Callable[[str], str] = str) -> Graph:
-    """What `graph_data` made, or somebody wrote by hand: what is missing is not known. `called`: what to call it.
+def graph_from(data: Document) -> Graph:
+    """What `graph_data` made, or somebody wrote by hand: what is missing is not known.
 
     AttributeError, KeyError, TypeError or ValueError where it is no graph.
     """
-    nodes = {name: _node_of(name, one, called) for name, one in data.get("nodes", {}).items()}
+    nodes = {name: _node_of(name, one) for name, one in data.get("nodes", {}).items()}
 
     def keys(names: Iterable[str] | None) -> Keys:
-        return tuple(nodes[name].key if name in nodes else NodeKey(called(name)) for name in names or ())
+        return tuple(nodes[name].key if name in nodes else NodeKey(name) for name in names or ())
 
     def topic(name: str, one: Document) -> Topic:
         edges, rates, unsteady = one.get("connections") or (), one.get("rates") or {}, one.get("unsteady") or {}
         return Topic(
-            called(name),
+            name,
             one.get("type") or "",
             keys(one.get("publishers")),
             keys(one.get("subscribers")),
@@ -62,22 +61,17 @@ def graph_from(data: Document, called: Callable[[str], str] = str) -> Graph:
 
     def action(name: str, one: Document) -> Action:
         servers, clients = keys(one.get("servers")), keys(one.get("clients"))
-        return Action(called(name), one.get("type") or "", servers, clients, _statuses_of(one, servers))
+        return Action(name, one.get("type") or "", servers, clients, _statuses_of(one, servers))
 
     def service(name: str, one: Document) -> Service:
-        return Service(called(name), keys(one.get("providers")), _probe_of(one, called), one.get("connections"))
+        return Service(name, keys(one.get("providers")), _probe_of(one), one.get("connections"))
 
     return Graph(
         {node.key: node for node in nodes.values()},
-        {called(name): topic(name, one) for name, one in data.get("topics", {}).items()},
-        {called(name): service(name, one) for name, one in data.get("services", {}).items()},
-        {called(name): action(name, one) for name, one in data.get("actions", {}).items()},
+        {name: topic(name, one) for name, one in data.get("topics", {}).items()},
+        {name: service(name, one) for name, one in data.get("services", {}).items()},
+        {name: action(name, one) for name, one in data.get("actions", {}).items()},
     )
-
-
-def with_revisions(graph: Graph) -> Graph:
-    """The graph with the names of revisions. Two pods of one are two nodes of one name then."""
-    return graph_from(graph_data(graph), by_revision)
 
 
 def _node_data(node: Node) -> Data:
@@ -86,11 +80,11 @@ def _node_data(node: Node) -> Data:
     return {**said, **{part: list(names) for part, names in has.items()}}
 
 
-def _node_of(name: str, data: Document, called: Callable[[str], str]) -> Node:
+def _node_of(name: str, data: Document) -> Node:
     uri, error, refused = data.get("uri") or "", data.get("error") or "", bool(data.get("refused"))
     pid = data.get("pid") if data.get("reachable", True) else None
-    has = [tuple(map(called, data.get(part) or ())) for part in ("publications", "subscriptions", "services")]
-    return Node(called(name), uri, pid, bool(uri or error), error, has[0], has[1], has[2], refused=refused)
+    has = [tuple(data.get(part) or ()) for part in ("publications", "subscriptions", "services")]
+    return Node(name, uri, pid, bool(uri or error), error, has[0], has[1], has[2], refused=refused)
 
 
 def _topic_data(topic: Topic, definitions: bool) -> Data:
@@ -114,9 +108,8 @@ def _service_data(service: Service) -> Data:
     return {"providers": names_of(service.providers), **said, "up": service.up, "connections": service.connections}
 
 
-def _probe_of(data: Document, called: Callable[[str], str]) -> ServiceProbe | None:
+def _probe_of(data: Document) -> ServiceProbe | None:
     parts = {part: data.get(part) or "" for part in ("uri", "provider", "type", "error", "md5sum")}
-    parts["provider"] = called(parts["provider"])
     return ServiceProbe(**parts) if data.get("up", bool(parts["uri"])) or parts["error"] else None
 
 

@@ -11,7 +11,7 @@ from ansible.plugins.action import ActionBase
 
 from ...module_utils._common.errors import FleetError
 from . import voice
-from .variables import plain
+from .variables import plain, role_variables
 
 
 class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types
@@ -38,6 +38,10 @@ class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no t
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         """The task's result. `params` are its options, `known` the host's variables."""
         raise NotImplementedError
+
+    def variables(self, known: Mapping[str, Any], role: str, *names: str) -> dict[str, Any]:
+        """The host's variables of a role, all of them or these, of the types that its argument spec says."""
+        return role_variables(role, names, self._templar, known)
 
     def say(self, known: Mapping[str, Any]) -> Callable[[str], None]:
         """What prints a line while the task goes on."""

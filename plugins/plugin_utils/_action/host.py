@@ -42,9 +42,10 @@ class ActionHost:
         task.no_log = secret or ansible_core.task_of(self.plugin).no_log
         return ansible_core.run_module(self.plugin, task, self.task_vars)
 
-    def job(self, name: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Have a job done by the module that is private."""
-        return self.module("rosops.fleet._host", {"job": name, "arguments": dict(arguments)})
+    def job(self, name: str, arguments: Mapping[str, Any], secrets: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Have a job done by the module that is private. No log gets the `secrets` among its arguments."""
+        given = {"job": name, "arguments": dict(arguments), "secrets": dict(secrets or {})}
+        return self.module("rosops.fleet._host", given)
 
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
         """Copy a file of the control node, mode 0600; with rsync and its --bwlimit where there is a `rate_limit`."""

@@ -7,7 +7,7 @@ ansible.builtin.validate_argument_spec reads them the same way.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from ansible.module_utils.common.arg_spec import ArgumentSpecValidator
@@ -19,20 +19,14 @@ from .._model.role_specs import role_options
 OF_EVERY_CHANGE = ("update_on_busy", "update_busy_timeout", "update_failure_budget")
 
 
-def change_variables(templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the role update that count for every change of a host; as `role_variables`."""
-    return _checked("update", {name: role_options("update")[name] for name in OF_EVERY_CHANGE}, templar, task_vars)
-
-
-def role_variables(role: str, templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
-    """Every variable of the role by its name, templated, of its spec's type; SpecError names all that have another."""
-    return _checked(role, role_options(role), templar, task_vars)
-
-
-def _checked(role: str, given_options: Mapping[str, Any], templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
-    options = copy.deepcopy(dict(given_options))  # Ansible's validator writes into the defaults
-    given = templar.template({name: task_vars[name] for name in options if name in task_vars})
-    checked = ArgumentSpecValidator(options).validate(plain(given))
+def role_variables(role: str, names: Collection[str], templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
+    """Variables of the role, all of them or these, templated and of their specs' types; SpecError names all others."""
+    whole = role_options(role)
+    # Ansible's validator writes into the defaults
+    options = copy.deepcopy({name: whole[name] for name in names or whole})
+    given = plain(templar.template({name: task_vars[name] for name in options if name in task_vars}))
+    # a survey's question without an answer is null
+    checked = ArgumentSpecValidator(options).validate({name: said for name, said in given.items() if said is not None})
     if checked.error_messages:
         raise SpecError(f"variables of the role {role}: {'; '.join(checked.error_messages)}")
     return dict(checked.validated_parameters)

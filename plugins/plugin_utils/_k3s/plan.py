@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is to be done about k3s on a host, and what forbids it: what k3s_info found there against what should be. Pure.
+"""What is to be done about k3s on a host, and what forbids it: what k3s_facts found against what should be. Pure.
 
 Kubernetes takes one minor version after the other and no way back: the datastore is written in the newer one's form. A
 kubelet must not be newer than the API that it talks to.
@@ -21,7 +21,7 @@ from .wanted import HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
-# verdicts of k3s_info with which a token must be written
+# verdicts of k3s_facts with which a token must be written
 WRITE = ("absent", "restore")
 ARCHIVE = re.compile(r"k3s-airgap-images-.*-[0-9a-f]{12}[.]tar")
 
@@ -29,7 +29,7 @@ ARCHIVE = re.compile(r"k3s-airgap-images-.*-[0-9a-f]{12}[.]tar")
 def file_changes(wanted: Sequence[HostFile], found: Result) -> dict[str, list[str]]:
     """Paths of the files to `write` and to `remove` (no content).
 
-    `found` is what k3s_info saw. Comparing digests here spares a host on which nothing changed a task per file.
+    `found` is what k3s_facts saw. Comparing digests here spares a host on which nothing changed a task per file.
     """
     changes: dict[str, list[str]] = {"write": [], "remove": []}
     for file in wanted:
@@ -96,7 +96,7 @@ def old_archives(now: Result, source: Artifacts) -> list[str]:
 
 
 def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
-    """Sentences; `now` is what k3s_info found."""
+    """Sentences; `now` is what k3s_facts found."""
     role, servers, tokens = variables["k3s_role"], variables["k3s_server_hosts"], now["tokens"]
     cluster = f"the cluster {variables['k3s_cluster']} runs with"
     if tokens["server"] == "differs":
@@ -151,7 +151,7 @@ def refusal(
 
     `installed` is empty where there is no k3s, `wanted` where it is not known beforehand. `servers` are the versions of
     the servers that the host is an agent of. `back_to` is the version that an unproven change replaced: it may always
-    come back. `cgroup_refused` is what k3s_info says of the host.
+    come back. `cgroup_refused` is what k3s_facts says of the host.
     """
     old, new = parsed(installed), parsed(wanted)
     if new is None:

@@ -7,7 +7,6 @@ And its tokens: a server of the cluster, or the inventory.
 from __future__ import annotations
 
 import base64
-import re
 import secrets
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -16,10 +15,10 @@ from urllib.parse import quote
 
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.errors import SpecError
+from ...module_utils._host.download import SUM_LINE
 from ...module_utils._host.k3s import token_verdict
 from .._model.machines import MACHINES
 
-SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$")
 ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
 VARIABLES = {"token": "k3s_token", "agent-token": "k3s_agent_token"}
 

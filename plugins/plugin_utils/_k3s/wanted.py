@@ -76,7 +76,7 @@ class Wanted:
 
 
 def join_url(variables: Variables, hostvars: Mapping[str, Variables], now: Result) -> str:
-    """Where a member joins; `now` is what k3s_info found.
+    """Where a member joins; `now` is what k3s_facts found.
 
     One that has joined keeps its server as long as that is one of the cluster's: it knows them all by now, and another
     address would be a restart. A new one takes the first server that answers it.

@@ -62,19 +62,12 @@ def diff_of(written: Sequence[Applied]) -> list[Result]:
     """Ansible's `diff` of a task: an entry per object that changed, without the secrets that any of them holds."""
     old = {text for one in written for text in secrets_in(one.before)}
     new = {text for one in written for text in secrets_in(one.after)}
-    words = {
-        text: HIDDEN if text in old and text in new else HIDDEN_OLD if text in old else HIDDEN_NEW
-        for text in old | new
-        if text
-    }
+    words = dict.fromkeys(old, HIDDEN_OLD) | dict.fromkeys(new, HIDDEN_NEW) | dict.fromkeys(old & new, HIDDEN)
+    words.pop("", None)
+    headers = ({"before_header": str(one.ref), "after_header": str(one.ref)} for one in written)
     return [
-        {
-            "before_header": str(one.ref),
-            "after_header": str(one.ref),
-            "before": without(one.before or "", words),
-            "after": without(one.after or "", words),
-        }
-        for one in written
+        {**header, "before": without(one.before or "", words), "after": without(one.after or "", words)}
+        for one, header in zip(written, headers)
         if one.changed
     ]
 

@@ -47,6 +47,13 @@ def taken(claims: Iterable[tuple[str, What]]) -> Iterator[tuple[str, What, str]]
     return ((place, what, first[what]) for place, what in claims if first.setdefault(what, place) != place)
 
 
+def twice(
+    claims: Iterable[tuple[str, What]], allowed: str, found: str = "is '{}' for the second time"
+) -> Iterator[Problem]:
+    """Of places that may not have the same: each that has what another place has already."""
+    return (Problem(place, found.format(what), allowed) for place, what, _first in taken(claims))
+
+
 def shown(value: Any) -> str:
     """A value as an operator wrote it, short enough for a message."""
     if isinstance(value, dict):

@@ -148,12 +148,11 @@ def _label(longest: int) -> Form:
     return _text(_LABEL, allowed, longest)
 
 
+_NAME = r"[A-Za-z]\w*"  # of ROS, without a slash
+_PATH = rf"{_NAME}(?:/\w+)*"
 FORMS: dict[str, Form] = {
-    "app-name": _text(
-        r"[a-z](?:[-a-z0-9]*[a-z0-9])?",
-        "at most 40 lower-case letters, digits and dashes, beginning with a letter, not ending with a dash",
-        40,
-    ),
+    "app-name": _text(r"[a-z](?:[-a-z0-9]*[a-z0-9])?", "at most 40 lower-case letters, digits and dashes, beginning "
+                      "with a letter, not ending with a dash", 40),
     "robot-name": _label(57),
     "volume-name": _label(59),
     "dns-name": _text(_SUBDOMAIN, "lower-case letters, digits, dashes and dots (a DNS name)"),
@@ -162,69 +161,46 @@ FORMS: dict[str, Form] = {
     "size": Form(lambda text: (quantity_value(text) or 0) > 0, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
     "unicode": Form(lambda text: _parses(str.encode, text), "text that UTF-8 can say, no half of a surrogate pair"),
     "env-name": _text(r"[A-Za-z_]\w*", "letters, digits and underscores, not beginning with a digit"),
-    "resource-name": _text(
-        rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*", "cpu, memory, ephemeral-storage or <vendor>/<resource>"
-    ),
-    "graph-name": _text(r"(?:~/?|/)?[A-Za-z]\w*(?:/\w+)*", "a ROS name such as temperature, /temperature or ~status"),
-    "graph-pattern": _text(
-        r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*",
-        "a ROS name such as /scan or ~status, * standing for anything: /debug/*",
-    ),
-    "private-name": _text(r"(?:~/?)?[A-Za-z]\w*(?:/\w+)*", "a private ROS name such as status or ~status"),
-    "node-name": _text(
-        r"[A-Za-z]\w*", "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"
-    ),
-    "param-name": _text(
-        r"/?[A-Za-z]\w*(?:/\w+)*", "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
-    ),
+    "resource-name": _text(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*",
+                           "cpu, memory, ephemeral-storage or <vendor>/<resource>"),
+    "graph-name": _text(rf"(?:~/?|/)?{_PATH}", "a ROS name such as temperature, /temperature or ~status"),
+    "graph-pattern": _text(r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*",
+                           "a ROS name such as /scan or ~status, * standing for anything: /debug/*"),
+    "private-name": _text(rf"(?:~/?)?{_PATH}", "a private ROS name such as status or ~status"),
+    "node-name": _text(_NAME, "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"),
+    "param-name": _text(rf"/?{_PATH}", "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"),
     "package-name": _text(r"[A-Za-z][\w-]*", "a ROS package's name"),
     "launch-file": _text(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*", "a launch file's name, or with / first its whole path"),
-    "node-path": _text(
-        r"/?[A-Za-z]\w*(?:/\w+)*", "the name of a <node> of the launch file, such as lidar or front/lidar"
-    ),
+    "node-path": _text(rf"/?{_PATH}", "the name of a <node> of the launch file, such as lidar or front/lidar"),
     "launch-arg": _text(r"[A-Za-z_]\w*", "the name of an <arg> of the launch file"),
-    "ros-type": _text(r"[A-Za-z]\w*/[A-Za-z]\w*", "<package>/<type> such as std_msgs/Float64"),
+    "ros-type": _text(rf"{_NAME}/{_NAME}", "<package>/<type> such as std_msgs/Float64"),
     # the master speaks plain XML-RPC at the root
     "master-uri": Form(lambda text: bare_url(text, ("http",), with_port=True), "http://<host>:<port>"),
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
     "host-path": Form(safe_host_path, HOST_PATHS),
-    "port-name": _text(
-        r"(?=.*[a-z])[a-z0-9]+(?:-[a-z0-9]+)*",
-        "at most 15 lower-case letters, digits and dashes, a letter among them",
-        15,
-    ),
+    "port-name": _text(r"(?=.*[a-z])[a-z0-9]+(?:-[a-z0-9]+)*",
+                       "at most 15 lower-case letters, digits and dashes, a letter among them", 15),
     "secret-key": _text(r"[-\w.]+", "letters, digits, -, _ and ."),
     "file-mode": _text(r"0[0-7]{3}", 'four octal digits in quotes, such as "0644"'),
     "mount-path": Form(clean_path, "an absolute path other than /, without '..', ':' or blanks"),
-    "retention": _text(
-        r"(?:[0-9]+(?:ms|[smhdwy]))+", "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"
-    ),
+    "retention": _text(r"(?:[0-9]+(?:ms|[smhdwy]))+",
+                       "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"),
     # its ports are variables of their own
-    "hub-url": Form(
-        lambda text: bare_url(text, ("http", "https"), with_port=False),
-        "http://<host> or https://<host>, without a port and a path",
-    ),
+    "hub-url": Form(lambda text: bare_url(text, ("http", "https"), with_port=False),
+                    "http://<host> or https://<host>, without a port and a path"),
     "network": Form(lambda text: "/" in text and _parses(ipaddress.ip_network, text), "a network such as 192.0.2.0/24"),
-    "k3s-version": _text(
-        r"v[0-9]+\.[0-9]+\.[0-9]+(?:-[\w.]+)?\+[\w.]+",
-        "a release of k3s such as v1.34.2+k3s1, with the v and what follows the +",
-    ),
-    "addresses": Form(
-        lambda text: all(_parses(ipaddress.ip_address, one) for one in text.split(",")),
-        "an IP address, or one of each family with a comma between them",
-    ),
-    "time-of-day": _text(
-        r"(?:[01][0-9]|2[0-3]):[0-5][0-9]|24:00", 'hours and minutes in quotes, such as "06:30" or "22:00"'
-    ),
-    "time-zone": Form(
-        time_zone,
-        "a name of the time zone database such as Europe/Berlin (a control node without one: pip install tzdata)",
-    ),
+    "k3s-version": _text(r"v[0-9]+\.[0-9]+\.[0-9]+(?:-[\w.]+)?\+[\w.]+",
+                         "a release of k3s such as v1.34.2+k3s1, with the v and what follows the +"),
+    "addresses": Form(lambda text: all(_parses(ipaddress.ip_address, one) for one in text.split(",")),
+                      "an IP address, or one of each family with a comma between them"),
+    "time-of-day": _text(r"(?:[01][0-9]|2[0-3]):[0-5][0-9]|24:00",
+                         'hours and minutes in quotes, such as "06:30" or "22:00"'),
+    "time-zone": Form(time_zone, "a name of the time zone database such as Europe/Berlin (a control node without one: "
+                      "pip install tzdata)"),
     "label-value": _text(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", "at most 63 letters, digits, -, _ and .", 63),
-    "label-name": _text(
-        rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9](?:[-\w.]{{0,61}}[A-Za-z0-9])?", "a label such as example.org/site"
-    ),
-}
+    "label-name": _text(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9](?:[-\w.]{{0,61}}[A-Za-z0-9])?",
+                        "a label such as example.org/site"),
+}  # fmt: skip
 
 WAVE = re.compile(r"[1-9][0-9]*|(0*[1-9][0-9]?|100)%")
 

@@ -70,29 +70,23 @@ def fleet_findings(name: str, fleet: Mapping[str, Result]) -> Iterable[Finding]:
     twins = [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]
     if twins:
         # The one that comes first keeps the name and goes on: a copied SD card must not stop the fleet's server.
-        first = order.index(name) < min(map(order.index, twins))
-        yield (warning if first else error)(
-            f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
-            "uname -n",
-            "give every host its own name: hostnamectl set-hostname NAME",
-        )
+        say = warning if order.index(name) < min(map(order.index, twins)) else error
+        what = f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}"
+        yield say(what, "uname -n", "give every host its own name: hostnamectl set-hostname NAME")
     twins = [host for host, facts in others.items() if facts["machine_id"] == mine["machine_id"]]
     if mine["machine_id"] and twins:
-        yield warning(
-            f"the machine ID is also that of {', '.join(sorted(twins))}, as after copying an SD card: "
-            "DHCP may give both the same address",
-            "/etc/machine-id",
-            "rm /etc/machine-id && systemd-machine-id-setup, then reboot",
-        )
+        why = "as after copying an SD card: DHCP may give both the same address"
+        what = f"the machine ID is also that of {', '.join(sorted(twins))}, {why}"
+        yield warning(what, "/etc/machine-id", "rm /etc/machine-id && systemd-machine-id-setup, then reboot")
     sizes = {host: route_mtu(facts) for host, facts in fleet.items() if route_mtu(facts)}
     largest = max(sizes.values(), default=0)
     if sizes.get(name, largest) != largest:
         larger = sorted(host for host, size in sizes.items() if size == largest)
-        yield warning(
-            f"the MTU is {sizes[name]}, but {largest} on {', '.join(larger)}: large packets between them may get lost",
-            f"interface {mine['routes'][0]['interface']}",
-            f"set one MTU on all hosts, or flannel's to that of the smallest link (here {min(sizes.values())})",
+        what = (
+            f"the MTU is {sizes[name]}, but {largest} on {', '.join(larger)}: large packets between them may get lost"
         )
+        fix = f"set one MTU on all hosts, or flannel's to that of the smallest link (here {min(sizes.values())})"
+        yield warning(what, f"interface {mine['routes'][0]['interface']}", fix)
 
 
 def route_mtu(facts: Result) -> int:
@@ -102,28 +96,19 @@ def route_mtu(facts: Result) -> int:
 def _platform(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     system = facts["os"]
     if facts["machine"] not in MACHINES:
-        yield error(
-            f"there is no k3s for the architecture {facts['machine']}",
-            "uname -m",
-            f"use a host with one of {', '.join(sorted(MACHINES))}",
-        )
+        what = f"there is no k3s for the architecture {facts['machine']}"
+        yield error(what, "uname -m", f"use a host with one of {', '.join(sorted(MACHINES))}")
     if system["id"] not in requirements.systems:
-        yield warning(
-            f"{system['name'] or 'the operating system'} is none of the systems this was made for",
-            "/etc/os-release",
-            f"expected one of {', '.join(requirements.systems)}; "
-            f"add {system['id'] or 'its ID'} to preflight_systems once it has proved itself",
-        )
+        what = f"{system['name'] or 'the operating system'} is none of the systems this was made for"
+        add = f"add {system['id'] or 'its ID'} to preflight_systems once it has proved itself"
+        yield warning(what, "/etc/os-release", f"expected one of {', '.join(requirements.systems)}; {add}")
     if not facts["systemd"]:
         yield error("systemd does not run as the init system", "/run/systemd/system", "k3s is run as a systemd unit")
     if not facts["root"]:
         yield error("the tasks do not run as root", "effective user ID", "set become: true for this host")
     if not facts["overlay"]:
-        yield warning(
-            "the kernel has not loaded overlayfs, which containers need",
-            "/proc/filesystems",
-            "modprobe overlay; if that fails, install a kernel that has it",
-        )
+        what = "the kernel has not loaded overlayfs, which containers need"
+        yield warning(what, "/proc/filesystems", "modprobe overlay; if that fails, install a kernel that has it")
 
 
 def _cgroups(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
@@ -139,13 +124,12 @@ def _cgroup_version(facts: Result, requirements: Requirements) -> Iterable[Findi
     """k3s 1.35 is the next upgrade of a robot that has 1.34, so it is said before."""
     if not facts["cgroup"]["refused"]:
         return
-    coming_text = requirements.k3s_version
-    coming = version(coming_text)
+    coming = version(requirements.k3s_version)
     refused = coming is not None and coming.minor >= CGROUP_V2_FROM
+    which = requirements.k3s_version if refused else "from 1.35 on"
+    fix = "boot with systemd.unified_cgroup_hierarchy=1 on the kernel's command line, or allow v1: role k3s, README"
     yield (error if refused else warning)(
-        f"it has cgroup v1, with which k3s {coming_text if refused else 'from 1.35 on'} does not start",
-        "/sys/fs/cgroup",
-        "boot with systemd.unified_cgroup_hierarchy=1 on the kernel's command line, or allow v1: role k3s, README",
+        f"it has cgroup v1, with which k3s {which} does not start", "/sys/fs/cgroup", fix
     )
 
 
@@ -164,58 +148,38 @@ def _cgroup_fix(facts: Result, missing: list[str]) -> str:
 
 
 def _memory(facts: Result, requirements: Requirements) -> Iterable[Finding]:
-    limits = requirements.memory_mb
-    has = facts["memory_mb"]
+    limits, has, role = requirements.memory_mb, facts["memory_mb"], requirements.role
     if has < limits["minimum"]:
-        yield error(
-            f"{has} MiB of memory, a k3s {requirements.role} needs {limits['minimum']}",
-            "/proc/meminfo",
-            "use a host with more memory" + (", or robot_mode: agent" if requirements.role == "server" else ""),
-        )
+        fix = "use a host with more memory" + (", or robot_mode: agent" if role == "server" else "")
+        yield error(f"{has} MiB of memory, a k3s {role} needs {limits['minimum']}", "/proc/meminfo", fix)
     elif has < limits["recommended"]:
-        yield warning(
-            f"{has} MiB of memory leave little beside a k3s {requirements.role}; {limits['recommended']} are better",
-            "/proc/meminfo",
-            "keep the apps' requests small",
-        )
+        what = f"{has} MiB of memory leave little beside a k3s {role}; {limits['recommended']} are better"
+        yield warning(what, "/proc/meminfo", "keep the apps' requests small")
 
 
 def _disk(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     disk, limits, percents = facts["disk"], requirements.disk_mb, requirements.disk_percent
-    free, fix = disk["free_mb"], "free space, or mount a larger file system there"
+    free, path, fix = disk["free_mb"], disk["path"], "free space, or mount a larger file system there"
     percent = 100 * free / max(disk["total_mb"], 1)
-    has = f"{free} MiB free for {disk['path']}"
+    has = f"{free} MiB free for {path}"
     of_all = f"{has}, {percent:.1f} % of {disk['total_mb']} MiB"
     if free < limits["minimum"]:
-        yield error(f"{has}, at least {limits['minimum']} are needed", disk["path"], fix)
+        yield error(f"{has}, at least {limits['minimum']} are needed", path, fix)
     elif percent < percents["minimum"]:
-        yield error(
-            f"{of_all}: k3s evicts pods, ROS apps at work, too, where less than {EVICTION_FREE_PERCENT} % are free; at "
-            f"least {percents['minimum']} % are needed",
-            disk["path"],
-            fix,
-        )
+        why = f"k3s evicts pods, ROS apps at work, too, where less than {EVICTION_FREE_PERCENT} % are free"
+        yield error(f"{of_all}: {why}; at least {percents['minimum']} % are needed", path, fix)
     elif free < limits["recommended"]:
-        yield warning(f"{has}; images fill that fast, {limits['recommended']} are better", disk["path"], fix)
+        yield warning(f"{has}; images fill that fast, {limits['recommended']} are better", path, fix)
     elif percent < percents["recommended"]:
-        yield warning(
-            f"{of_all}: k3s deletes images that no container uses where more than {IMAGE_GC_USED_PERCENT} % are used, "
-            f"also those of the next and of the last version; {percents['recommended']} % are better",
-            disk["path"],
-            fix,
-        )
+        why = f"k3s deletes images that no container uses where more than {IMAGE_GC_USED_PERCENT} % are used, "
+        why += "also those of the next and of the last version"
+        yield warning(f"{of_all}: {why}; {percents['recommended']} % are better", path, fix)
     if disk["free_inodes"] is not None and disk["free_inodes"] < 20000:
-        yield warning(
-            f"{disk['free_inodes']} inodes free for {disk['path']}; one ROS image takes about 20,000",
-            disk["path"],
-            "make the file system with more inodes",
-        )
+        what = f"{disk['free_inodes']} inodes free for {path}; one ROS image takes about 20,000"
+        yield warning(what, path, "make the file system with more inodes")
     if disk["type"] in UNFIT_FILESYSTEMS:
-        yield error(
-            f"{disk['path']} lies on {disk['type']}, on which containers' file systems cannot be laid",
-            disk["path"],
-            "mount an ext4, xfs or btrfs file system there",
-        )
+        what = f"{path} lies on {disk['type']}, on which containers' file systems cannot be laid"
+        yield error(what, path, "mount an ext4, xfs or btrfs file system there")
 
 
 def _clock(facts: Result, requirements: Requirements) -> Iterable[Finding]:
@@ -232,17 +196,11 @@ def _clock(facts: Result, requirements: Requirements) -> Iterable[Finding]:
 
 def _network(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     if not facts["routes"]:
-        yield error(
-            "there is no default route, without which k3s does not start",
-            "/proc/net/route",
-            "add one, be it to a dummy interface: ip route add default via GATEWAY",
-        )
+        fix = "add one, be it to a dummy interface: ip route add default via GATEWAY"
+        yield error("there is no default route, without which k3s does not start", "/proc/net/route", fix)
     elif route_mtu(facts) < MINIMUM_MTU:
-        yield error(
-            f"the MTU is {route_mtu(facts)}, at least {MINIMUM_MTU} are needed",
-            f"interface {facts['routes'][0]['interface']}",
-            "raise it: ip link set dev INTERFACE mtu SIZE",
-        )
+        what, where = f"the MTU is {route_mtu(facts)}", f"interface {facts['routes'][0]['interface']}"
+        yield error(f"{what}, at least {MINIMUM_MTU} are needed", where, "raise it: ip link set dev INTERFACE mtu SIZE")
 
 
 def _pods_network(facts: Result, requirements: Requirements) -> Iterable[Finding]:
@@ -250,33 +208,23 @@ def _pods_network(facts: Result, requirements: Requirements) -> Iterable[Finding
     through is not seen from here."""
     network, role = facts["network"], requirements.role
     for firewall in network["firewalls"]:
-        yield warning(
-            f"{firewall} is on; a k3s {role} needs {PORTS[role]}, and its pods and services {NETWORKS}",
-            "/etc/ufw/ufw.conf" if firewall == "ufw" else "/proc",
-            ALLOW[firewall],
-        )
+        what = f"{firewall} is on; a k3s {role} needs {PORTS[role]}, and its pods and services {NETWORKS}"
+        yield warning(what, "/etc/ufw/ufw.conf" if firewall == "ufw" else "/proc", ALLOW[firewall])
     selinux = network["selinux"]
     if selinux["mode"] == "enforcing" and not selinux["policy"]:
-        yield warning(
-            "SELinux is enforcing, and k3s's policy is not there: containers may be denied their files",
-            "/sys/fs/selinux/enforce",
-            "install the packages container-selinux and k3s-selinux, and set k3s_config: {selinux: true}",
-        )
+        what = "SELinux is enforcing, and k3s's policy is not there: containers may be denied their files"
+        fix = "install the packages container-selinux and k3s-selinux, and set k3s_config: {selinux: true}"
+        yield warning(what, "/sys/fs/selinux/enforce", fix)
     for module in network["lacking"]:
-        yield warning(
-            f"the kernel has no module {module}: {WITHOUT[module]}",
-            f"/lib/modules/{facts['kernel']}",
-            "on Ubuntu for the Raspberry Pi: apt install linux-modules-extra-raspi; elsewhere a kernel that has it"
-            + (", or k3s_config: {flannel-backend: host-gw} on the servers" if module == "vxlan" else ""),
-        )
+        fix = "on Ubuntu for the Raspberry Pi: apt install linux-modules-extra-raspi; elsewhere a kernel that has it"
+        fix += ", or k3s_config: {flannel-backend: host-gw} on the servers" if module == "vxlan" else ""
+        yield warning(f"the kernel has no module {module}: {WITHOUT[module]}", f"/lib/modules/{facts['kernel']}", fix)
     interfaces = list(dict.fromkeys(route["interface"] for route in facts["routes"] if route["family"] == 4))
     if len(interfaces) > 1 and not requirements.interface:
-        yield warning(
-            f"there are default routes by {' and '.join(interfaces)}: pods go by {interfaces[0]}, or by another one "
-            "when k3s starts while that is down",
-            "/proc/net/route",
-            "say by which one the robot reaches the others: k3s_config: {flannel-iface: NAME}, and k3s_node_ip",
-        )
+        by = f"pods go by {interfaces[0]}, or by another one when k3s starts while that is down"
+        what = f"there are default routes by {' and '.join(interfaces)}: {by}"
+        fix = "say by which one the robot reaches the others: k3s_config: {flannel-iface: NAME}, and k3s_node_ip"
+        yield warning(what, "/proc/net/route", fix)
 
 
 def _ports(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
@@ -285,11 +233,9 @@ def _ports(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
         # A socket without a process is the kernel's (VXLAN), which k3s leaves behind while it is installed.
         if listener["k3s"] or K3S_PROCESS.match(listener["process"]) or (ours and not listener["process"]):
             continue
-        yield error(
-            f"port {listener['port']}/{listener['protocol']} is taken by {listener['process'] or 'an unnamed process'}",
-            f"/proc/net/{listener['protocol']}",
-            "stop that service, or move it to another port",
-        )
+        port, by = f"{listener['port']}/{listener['protocol']}", listener["process"] or "an unnamed process"
+        fix = "stop that service, or move it to another port"
+        yield error(f"port {port} is taken by {by}", f"/proc/net/{listener['protocol']}", fix)
 
 
 def _reachable(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
@@ -298,29 +244,21 @@ def _reachable(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     for target in facts["reach"]:
         if target["outcome"] in ANSWERS:
             continue
-        yield (warning if joined else error)(
-            f"{target['host']} port {target['port']} does not answer ({target['outcome']})",
-            "TCP connection",
-            "check the address, routes and firewalls between this host and that one",
-        )
+        what = f"{target['host']} port {target['port']} does not answer ({target['outcome']})"
+        fix = "check the address, routes and firewalls between this host and that one"
+        yield (warning if joined else error)(what, "TCP connection", fix)
 
 
 def _name(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     name = facts["hostname"]
     if not all(LABEL.match(part) for part in name.split(".")) or len(name) > 253:
-        yield error(
-            f"the host name {name!r} is not valid in Kubernetes",
-            "uname -n",
-            "use lower-case letters, digits and hyphens: hostnamectl set-hostname NAME",
-        )
+        fix = "use lower-case letters, digits and hyphens: hostnamectl set-hostname NAME"
+        yield error(f"the host name {name!r} is not valid in Kubernetes", "uname -n", fix)
     elif name in ("localhost", "localhost.localdomain"):
         yield error("the host is named localhost", "uname -n", "hostnamectl set-hostname NAME")
     if requirements.node_name and not LABEL.match(requirements.node_name):
-        yield error(
-            f"the node name {requirements.node_name!r} is not valid in Kubernetes",
-            "inventory",
-            "use lower-case letters, digits and hyphens, at most 63",
-        )
+        what = f"the node name {requirements.node_name!r} is not valid in Kubernetes"
+        yield error(what, "inventory", "use lower-case letters, digits and hyphens, at most 63")
 
 
 def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
@@ -332,26 +270,19 @@ def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     elif role == "agent" and old["server_data"]:
         yield error("the host holds a k3s server's datastore", "/var/lib/rancher/k3s/server/db", reset)
     if role == "server" and old["server_data"] and not old["config"]:
-        yield error(
-            "the host holds a k3s server's datastore without its configuration",
-            "/var/lib/rancher/k3s/server/db",
-            f"restore /etc/rancher/k3s with its token, or {reset}",
-        )
-    if requirements.server_urls and old["server_url"] and old["server_url"] not in requirements.server_urls:
-        yield (error if old["agent_data"] else warning)(
-            f"the host belongs to the cluster of {old['server_url']}, not to that of "
-            f"{', '.join(requirements.server_urls)}",
-            "/etc/rancher/k3s/config.yaml",
-            reset,
-        )
+        what = "the host holds a k3s server's datastore without its configuration"
+        fix = f"restore /etc/rancher/k3s with its token, or {reset}"
+        yield error(what, "/var/lib/rancher/k3s/server/db", fix)
+    urls = requirements.server_urls
+    if urls and old["server_url"] and old["server_url"] not in urls:
+        what = f"the host belongs to the cluster of {old['server_url']}, not to that of {', '.join(urls)}"
+        yield (error if old["agent_data"] else warning)(what, "/etc/rancher/k3s/config.yaml", reset)
     for unit in old["foreign_units"]:
         yield warning(f"{unit} was not written by this collection and will be replaced", "/etc/systemd/system", reset)
     if old["node_password"] and not old["config"]:
-        yield warning(
-            "a node password of an earlier cluster is left; a cluster that knows this node by another one rejects it",
-            "/etc/rancher/node/password",
-            f"if the node does not join: {reset}, or delete the secret NODE.node-password.k3s in kube-system",
-        )
+        what = "a node password of an earlier cluster is left; a cluster that knows this node by another one rejects it"
+        fix = f"if the node does not join: {reset}, or delete the secret NODE.node-password.k3s in kube-system"
+        yield warning(what, "/etc/rancher/node/password", fix)
 
 
 CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (

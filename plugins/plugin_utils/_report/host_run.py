@@ -42,14 +42,8 @@ class HostRun:
     @classmethod
     def from_dict(cls, told: Document) -> HostRun:
         """What `as_dict` made of it; raises one of SPOILT for what is of another shape."""
-        return cls(
-            str(told["host"]),
-            str(told["playbook"]),
-            str(told["started"]),
-            RobotOutcome.from_dict(told),
-            int(told.get("changed") or 0),
-            str(told.get("failed_task") or ""),
-        )
+        names, changed = (str(told[key]) for key in ("host", "playbook", "started")), int(told.get("changed") or 0)
+        return cls(*names, RobotOutcome.from_dict(told), changed, str(told.get("failed_task") or ""))
 
 
 def note_of(reason: str, failed_task: str) -> str:

@@ -39,7 +39,7 @@ VERIFY_EXTRA = 20.0
 AT_REST_SECONDS = 2.0  # in which a robot shows that it is at rest now and then
 LONG_WAIT = 5.0  # seconds in which the graph may have become another one
 BESIDE_SECONDS = 10.0  # that a new version waits beside the old one for a robot that went to work again
-LOOK_SECONDS = 2.0  # of a look at what has had its time
+LAST_SECONDS = 2.0  # of the last look at what has had its time
 END_SECONDS = 0.5  # between two looks whether a pod has ended
 
 
@@ -390,9 +390,9 @@ class InstallChange(StepChange):
         try:
             for app, workloads in own.items():
                 with contextlib.suppress(NotReadyError):
-                    self.cluster.wait(workloads, LOOK_SECONDS)
+                    self.cluster.wait(workloads, LAST_SECONDS)
                     if self.hands.master:
-                        self.hands.stays(promised(self.hands.robot, [app]), LOOK_SECONDS, PROMISED, workloads)
+                        self.hands.stays(promised(self.hands.robot, [app]), LAST_SECONDS, PROMISED, workloads)
                         self._prove(workloads)
                         proven.append(app)
         except FleetError as error:

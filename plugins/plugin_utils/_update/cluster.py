@@ -27,7 +27,7 @@ from .world import HeldError, Live, LostError, Object, ticking
 
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
-LOOK_SECONDS = 0.5
+TAKE_PAUSE = 0.5  # seconds between two looks whether another run's Lease is renewed
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
@@ -98,7 +98,7 @@ class KubeCluster:
         while not hold.mine:
             if hold.renewed != first:
                 raise HeldError(f"{hold.holder} changes this robot since {hold.since}; let that run end")
-            time.sleep(LOOK_SECONDS)
+            time.sleep(TAKE_PAUSE)
             claim, hold = _Claim(lease), lease.acquire()
         return claim
 

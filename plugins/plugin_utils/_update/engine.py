@@ -47,7 +47,7 @@ MOVED = (
 
 
 KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}
-LOOK_SECONDS = 5.0  # between two looks at what soaks
+SOAK_PAUSE = 5.0  # seconds between two looks at what soaks
 LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each look may take its time
 
 
@@ -92,7 +92,7 @@ class Engine(Hands):
             if self.trouble:
                 raise self.trouble
             installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
-            if READY in self.settings.parts and not (self.check or installed):
+            if READY in self.settings.request.parts and not (self.check or installed):
                 self._all_ready()
         except FleetError as error:
             reason = "; ".join(filter(None, [outcome.reason, str(error)]))
@@ -198,11 +198,10 @@ class Engine(Hands):
         other = other_master(self.robot, self.live, lambda: self.cluster.read([names.FLEET_NAMESPACE]))
         if other:
             raise SpecError(f"{self.robot.name}'s apps run with {other}, and {MOVED}")
-        self.robot, settings = located(self.robot, self.live), self.settings
+        self.robot, settings, request = located(self.robot, self.live), self.settings, self.settings.request
         if self.robot != self._rendered:
             self._rendered, self.desired = self.robot, rendered(self.robot)
-            self.ground = ground_objects(self.robot, settings.parts, settings.pull_secrets, settings.code)
-        request = replace(settings.request, parts=settings.parts)
+            self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
         plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
         self.plan = with_removals(with_install(plan, self.robot), self.robot, self.live, request)
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
@@ -217,7 +216,7 @@ class Engine(Hands):
 
     def _lost(self) -> list[Object]:
         """Services that no step brings back."""
-        parts = self.settings.parts
+        parts = self.settings.request.parts
         asked = {app: made for app, made in self.desired.items() if (MASTER if app in NAMES else APPS) in parts}
         return lost_services(all_of(asked), self.live)
 
@@ -337,4 +336,4 @@ def soak(cluster: KubeCluster, namespaces: Sequence[str], new: Mapping[str, str]
                 "it does not; see its log (kubectl logs deploy/ros-keeper)",
             )
         world.trace(f"waits whether {', '.join(soaking)} stays good for {seconds:.0f} s")
-        clock.sleep(LOOK_SECONDS)
+        clock.sleep(SOAK_PAUSE)

@@ -4,19 +4,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
-from ...module_utils._ros.graph_json import with_revisions
+from ...module_utils._ros.graph import Graph
 from ...module_utils._step.update_record import ways_back
 from .._kube.applied import Applied
 from .._kube.running import Known
 from .._model import names
 from .._model.context import Robot, master_namespace, master_uri
 from .._objects.namespace import needs_fleet_namespace
-from .._objects.parts import PARTS, READY
 from .._objects.pod_settings import promised
 from .cluster import KubeCluster
 from .host import ModuleHost
@@ -24,14 +23,14 @@ from .outcome import EVENTS_NAME, StepResult, events_map
 from .plan import Request
 from .revisions import read_records
 from .step import NO_GRAPH, with_rates
-from .world import Calm, Graph, Live, MonotonicClock, Object, Seen
+from .world import Calm, Live, MonotonicClock, Object, Seen
 
 MASTER_SECONDS = 30.0
-SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
+SLICE = 8.0  # seconds of one wait on the robot, at least; what is open is said after each
 GRAPH_SECONDS = 1.0  # for which the graph has to be as it should be
 STAY_EXTRA = 5.0  # until the API shows what the robot shows
 MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
-LOOK_SECONDS, LOOKS = 8.0, 50  # of one look at a robot that works, at least; about as many looks as that, at most
+LOOKS = 50  # at a robot that works, about, at most
 NO_MASTER = "run the stage master of rosops.fleet.site first"
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
@@ -54,7 +53,6 @@ class Settings:
     rate_seconds: float = 1.0
     check: bool = False
     code: Mapping[str, str] = field(default_factory=dict)  # what runs in the pods, file name -> content
-    parts: Collection[str] = tuple(part for part in PARTS if part != READY)
     pull_secrets: Sequence[Mapping[str, object]] = ()  # items of robot_namespace_pull_secrets
     remove_claims: Sequence[str] = ()  # names of volumes whose claims go, with their data
     remove_confirm: bool = False
@@ -203,7 +201,7 @@ class Hands:
     def learn(self, graph: Graph) -> None:
         """The graph as it is now, with the rates that are known, by the names of revisions: plan and records have them,
         as nobody knows those of pods to come. Whoever looks at the graph on the robot knows what they mean there."""
-        self.registered, self.graph = graph, with_rates(with_revisions(graph), self.graph)
+        self.registered, self.graph = graph, with_rates(graph.by_revision(), self.graph)
         self.recorded, self.stale = True, False
 
 
@@ -318,4 +316,4 @@ class Rest:
 
 def look_seconds(busy_timeout: float, again: bool) -> float:
     """Of one look, where a run comes back to robots that work. The first takes no time: those at rest come first."""
-    return max(LOOK_SECONDS, busy_timeout / LOOKS) if again else 0.0
+    return max(SLICE, busy_timeout / LOOKS) if again else 0.0

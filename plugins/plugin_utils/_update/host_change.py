@@ -19,6 +19,7 @@ from typing import Protocol
 from ...module_utils._common.errors import FleetError, KubeError, NotReadyError
 from ...module_utils._common.poll import PASS
 from ...module_utils._ros import contract as ros_contract
+from ...module_utils._ros.graph import Graph
 from ...module_utils._step.objects import hash_of
 from ...module_utils._step.words import CONTRACT
 from .._model.context import Robot
@@ -31,7 +32,7 @@ from .outcome import StepResult
 from .plan import Step, wanted_before
 from .revisions import key_of
 from .step import actions_to_rest
-from .world import AwayError, Calm, CancelledError, Graph, Object
+from .world import AwayError, Calm, CancelledError, Object
 
 PAUSE = 1.0  # between two looks at what comes up
 

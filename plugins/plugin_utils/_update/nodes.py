@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from ...module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
 from ...module_utils._robot.latched import worth_keeping
 from ...module_utils._ros.contract import Intended
-from ...module_utils._ros.graph import host_of, names_of
+from ...module_utils._ros.graph import Graph, host_of, names_of
 from ...module_utils._ros.names import is_tool, matches, resolve
 from ...module_utils._step.objects import node_of, suffix_of
 from .._model import context, names
 from .._model.app import App
 from .._model.context import Robot
-from .world import Graph, Object
+from .world import Object
 
 _HELD = "--replace="
 # Whether the keeper keeps it.

@@ -18,6 +18,7 @@ from ...module_utils._common.errors import printable
 from ...module_utils._step import update_record
 from ...module_utils._step.update_record import NEWS, REASON_KEPT, RUNNING, closed, data_of, events_of
 from .._model import names
+from .._model.keys import plain
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 from .._objects.common import config_map, owner_labels
 
@@ -55,19 +56,9 @@ class StepResult:
 
     def as_dict(self) -> dict[str, Any]:
         """As the report and the record of updates have it."""
-        return {
-            "id": self.id,
-            "name": self.name,
-            "apps": list(self.apps),
-            "handoff": self.handoff,
-            "from": dict(self.before),
-            "to": dict(self.after),
-            "started": self.started,
-            "phases": dict(self.phases),
-            "busy_wait": self.phases.get("wait", 0.0),
-            "outcome": self.outcome,
-            "reason": printable(self.reason),
-        }
+        told: dict[str, Any] = plain(self)
+        sides = {"from": told.pop("before"), "to": told.pop("after")}
+        return {**told, **sides, "busy_wait": self.phases.get("wait", 0.0), "reason": printable(self.reason)}
 
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> StepResult:
@@ -106,11 +97,8 @@ class RobotOutcome:
 
     def as_dict(self) -> dict[str, Any]:
         """As the task returns it and the report reads it."""
-        return {
-            "outcome": self.outcome,
-            "reason": printable(self.reason),
-            "steps": [step.as_dict() for step in self.steps],
-        }
+        steps = [step.as_dict() for step in self.steps]
+        return {"outcome": self.outcome, "reason": printable(self.reason), "steps": steps}
 
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> RobotOutcome:
@@ -177,23 +165,14 @@ def _events(result: StepResult) -> list[dict[str, Any]]:
     """A step's result as one event per app."""
     # not the time at which this is worked out: the same step gives the same bytes in every later apply
     finished = round(result.started + sum(result.phases.values()), 3)
-    return [
-        {
-            "id": result.id,
-            "app": app,
-            "step": result.name,
-            "handoff": result.handoff,
-            "outcome": result.outcome or RUNNING,
-            "reason": result.reason[:REASON_KEPT],
-            # empty for what was not there before
-            "from": result.before.get(app, {}).get("revision", ""),
-            "to": result.after.get(app, {}).get("revision", ""),
-            "from_image": result.before.get(app, {}).get("image", ""),
-            "to_image": result.after.get(app, {}).get("image", ""),
-            "started": round(result.started, 3),
-            "finished": finished,
-            "phases": dict(result.phases),
-            "busy_wait": result.phases.get("wait", 0.0),
-        }
-        for app in result.apps
-    ]
+    whole = {"id": result.id, "step": result.name, "handoff": result.handoff, "outcome": result.outcome or RUNNING}
+    whole |= {"reason": result.reason[:REASON_KEPT], "started": round(result.started, 3), "finished": finished}
+    whole |= {"phases": dict(result.phases), "busy_wait": result.phases.get("wait", 0.0)}
+    return [{**whole, "app": app, **_sides(result, app)} for app in result.apps]
+
+
+def _sides(result: StepResult, app: str) -> dict[str, str]:
+    """Empty for what was not there before."""
+    before, after = result.before.get(app, {}), result.after.get(app, {})
+    images = {"from_image": before.get("image", ""), "to_image": after.get("image", "")}
+    return {"from": before.get("revision", ""), "to": after.get("revision", ""), **images}

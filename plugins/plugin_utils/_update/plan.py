@@ -102,15 +102,15 @@ class Request:
 
     `remove` names apps that the inventory has no more and that are to go, or says `all`.
 
-    `only` limits it to these apps (`ros-master` is the master), `parts` to the master or the apps; `shared` says
-    whether what belongs to the whole fleet is this robot's to change, `own` whether what is the robot's own is.
+    `only` limits it to these apps (`ros-master` is the master), `parts` to these of the robot; `shared` says whether
+    what belongs to the whole fleet is this robot's to change, `own` whether what is the robot's own is.
     """
 
     only: Sequence[str] = ()
     to: str = ""
     shared: bool = True
     own: bool = True
-    parts: Collection[str] = PARTS
+    parts: Collection[str] = PARTS[:-1]  # the last one only looks
     remove: Sequence[str] = ()
 
 

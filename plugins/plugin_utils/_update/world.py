@@ -14,12 +14,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from ...module_utils._common.errors import FleetError
-from ...module_utils._ros import graph as ros_graph
 from ...module_utils._step import objects
 from .._model.windows import ALWAYS, Windows
 
 Object = objects.Object
-Graph = ros_graph.Graph
 
 
 class AwayError(FleetError):

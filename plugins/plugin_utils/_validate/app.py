@@ -16,7 +16,7 @@ from ...module_utils._ros.conditions import conditions_from
 from ...module_utils._ros.names import resolve
 from .._model import context, names
 from .._model.app import STOP_MARGIN, App
-from .._model.finding import Problem, each, join_path, taken
+from .._model.finding import Problem, each, join_path, taken, twice
 from .._model.formats import FORMS, moving_tag, quantity_value
 from .._objects.app import plain_deployment
 from .._objects.pod_code import IN_POD
@@ -117,8 +117,7 @@ def _launch(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
         if said and app.handoff != "overlap":
             found = f"has no effect: handoff is {app.handoff}, so all its nodes are replaced together"
             yield Problem(key, found, "pattern: pubsub, or leave it out")
-        for where, node, _first in taken(each(key, said)):
-            yield Problem(where, f"names {node} for the second time", "each node once")
+        yield from twice(each(key, said), "each node once", "names {} for the second time")
     for where, node in each("launch.overlap", launch.overlap):
         if node in launch.replace:
             yield Problem(where, f"is {node}, which launch.replace names, too", "one of the two")
@@ -220,8 +219,7 @@ def _volumes(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{where}.name", f"is '{mount.name}', an unknown volume", allowed)
         if modes.get(mount.name) == "ReadOnlyMany" and not mount.read_only:
             yield Problem(f"{where}.read_only", "is false, but the volume is ReadOnlyMany", "true")
-    for where, name, _first in taken(each("volumes", (mount.name for mount in app.volumes), ".name")):
-        yield Problem(where, f"is '{name}' for the second time", "each volume once per app")
+    yield from twice(each("volumes", (mount.name for mount in app.volumes), ".name"), "each volume once per app")
 
 
 def _params(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
@@ -240,8 +238,7 @@ def _params(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
         if not name.startswith("/") and not app.readiness.nodes:
             found = "is private to a node, and the app names its nodes itself"
             yield Problem(where, found, f"/<node>/{name}")
-    for where, name, _first in taken(kept):
-        yield Problem(where, f"is {name} for the second time", "each name once")
+    yield from twice(kept, "each name once", "is {} for the second time")
     for where, name in kept:
         of_all = any(f"{one}/".startswith(f"{name}/") or f"{name}/".startswith(f"{one}/") for one in app.params)
         if name.startswith("/") and not of_all:
@@ -291,10 +288,10 @@ def _files(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
 
 
 def _ports(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
-    for where, name, _first in taken(each("ports", (port.name for port in app.ports), ".name")):
-        yield Problem(where, f"is {name} for the second time", "a name of its own")
-    for where, taken_port, _first in taken(each("ports", ((one.port, one.protocol) for one in app.ports), ".port")):
-        yield Problem(where, f"is {taken_port[0]} for the second time", "each port once per app")
+    again = "is {} for the second time"
+    yield from twice(each("ports", (port.name for port in app.ports), ".name"), "a name of its own", again)
+    numbers = each("ports", ((one.port, one.protocol) for one in app.ports), ".port")
+    yield from twice(numbers, "each port once per app", "is {0[0]} for the second time")
     for where, port in each("ports", app.ports):
         if port.host_port and app.placement == "remote":
             by_default = "" if "placement" in raw else " (the default)"
@@ -344,5 +341,7 @@ def _readiness(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
         if resolve(name, namespace, own) == own:
             yield Problem(where, "is the app's own node", "nodes that must be gone")
     for kind, items in (("topics", ready.topics), ("services", ready.services), ("actions", ready.actions)):
-        for where, name, _first in taken(each(f"readiness.{kind}", (item["name"] for item in items))):
-            yield Problem(where, f"names {name} for the second time", "each name once, with all its conditions")
+        allowed = "each name once, with all its conditions"
+        yield from twice(
+            each(f"readiness.{kind}", (item["name"] for item in items)), allowed, "names {} for the second time"
+        )

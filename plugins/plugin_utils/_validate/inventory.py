@@ -43,24 +43,14 @@ RIGEL = {
 }
 # Variables of versions before 1.0.0. Those of observability that are keys of its mapping now:
 _IN_THE_MAPPING = {
-    "enabled": "enabled",
-    "prometheus_enabled": "prometheus.enabled",
-    "scrape_interval": "prometheus.scrape_interval",
-    "evaluation_interval": "prometheus.evaluation_interval",
-    "prometheus_retention": "prometheus.retention",
-    "loki_enabled": "loki.enabled",
-    "loki_retention": "loki.retention",
-    "loki_persistence": "loki.persistence.enabled",
-    "loki_size": "loki.persistence.size",
-    "grafana_enabled": "grafana.enabled",
-    "grafana_admin_password": "grafana.admin_password",
-    "default_dashboards": "grafana.default_dashboards",
-    "grafana_service_type": "grafana.service_type",
-    "grafana_persistence": "grafana.persistence.enabled",
-    "grafana_size": "grafana.persistence.size",
-    "node_exporter": "node_exporter",
-    "ros_metrics": "ros_metrics",
-}
+    "enabled": "enabled", "prometheus_enabled": "prometheus.enabled", "scrape_interval": "prometheus.scrape_interval",
+    "evaluation_interval": "prometheus.evaluation_interval", "prometheus_retention": "prometheus.retention",
+    "loki_enabled": "loki.enabled", "loki_retention": "loki.retention", "loki_persistence": "loki.persistence.enabled",
+    "loki_size": "loki.persistence.size", "grafana_enabled": "grafana.enabled",
+    "grafana_admin_password": "grafana.admin_password", "default_dashboards": "grafana.default_dashboards",
+    "grafana_service_type": "grafana.service_type", "grafana_persistence": "grafana.persistence.enabled",
+    "grafana_size": "grafana.persistence.size", "node_exporter": "node_exporter", "ros_metrics": "ros_metrics",
+}  # fmt: skip
 _IMAGES = ("prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent")
 _STORAGE = "nothing: it is /var/lib/rancher/k3s/storage, where another disk may be mounted"
 _DROP_IN = "MemoryHigh or MemoryMax in a drop-in of the unit k3s or k3s-agent"

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from ...module_utils._ros.names import resolve
 from .._model import context, names
 from .._model.app import App
-from .._model.finding import Problem, each, taken
+from .._model.finding import Problem, each, taken, twice
 from .._model.formats import FORMS, moving_tag
 from .._model.order import circle
 from .._model.topology import EDGE_CLUSTER, members
@@ -47,8 +47,7 @@ def _namespace(draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out")
     # two of one name are one Secret, and only the last login would be in it
     secrets = each(f"{draft.path}.robot_namespace_pull_secrets", draft.robot.pull_secrets, ".name")
-    for where, name, _first in taken(secrets):
-        yield Problem(where, f"is '{name}' for the second time", "a name of its own")
+    yield from twice(secrets, "a name of its own")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
@@ -70,8 +69,7 @@ def _volume_names(draft: Draft) -> Iterator[Problem]:
     """Each once, and none that a pod's other volumes have."""
     volumes = each(f"{draft.path}.persistent_storage.volumes", draft.declared_volumes, ".name")
     declared = [(path, name) for path, name in volumes if isinstance(name, str)]
-    for path, name, _first in taken(declared):
-        yield Problem(path, f"is '{name}' for the second time", "a name of its own")
+    yield from twice(declared, "a name of its own")
     for path, name in declared:
         if re.fullmatch(r"(device|host-path)-[0-9]+", name):
             yield Problem(path, f"is '{name}', a name that devices and host paths get", "any other name")

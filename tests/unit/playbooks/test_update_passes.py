@@ -40,7 +40,7 @@ ACTION = """
 from ansible.plugins.action import ActionBase
 class ActionModule(ActionBase):
     def run(self, tmp=None, task_vars=None):
-        assert self._task.args["come_back"] and self._task.args["apps"] == ["talker"]
+        assert task_vars["update_apps"] == ["talker"]
         host, path = task_vars["inventory_hostname"], task_vars["playbook_dir"] + "/looks"
         with open(path, "a+") as file:
             file.seek(0)

@@ -30,7 +30,7 @@ def node(name: str, version: str = OLD, ready: str = "True", server: bool = True
 
 
 class Host:
-    """What the job k3s_change and k3s_ready are asked; `staged` is the version to come, `bad` one that never serves."""
+    """What the jobs are asked; `staged` is the version to come, `bad` one that never serves."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
         self.asked: list[str] = []
@@ -38,8 +38,8 @@ class Host:
         self.kept: list[tuple[Any, ...]] = []  # in the cluster, as soon as it is known
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.known_nodes, self.robots_asked, self.cluster = [node("robot1")], False, AtRest(5)
-        monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
-        monkeypatch.setattr(RobotHost, "there", lambda _host: self.module("true", {}))
+        monkeypatch.setattr(ActionHost, "module", lambda _host, _name, args, *_more: self.module(args))
+        monkeypatch.setattr(RobotHost, "there", lambda _host: self.module({}))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext(self))
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
         monkeypatch.setattr(gated, "KubeCluster", lambda *_args: self.cluster)
@@ -53,11 +53,10 @@ class Host:
         self.robots_asked = True
         return []
 
-    def module(self, name: str, args: dict[str, Any]) -> dict[str, Any]:
+    def module(self, args: dict[str, Any]) -> dict[str, Any]:
         if self.away:
             raise AnsibleConnectionFailure("no route to host")
-        if name == "rosops.fleet._host":
-            assert args["job"] == "k3s_change"
+        if args.get("job") == "k3s_change":
             args = args["arguments"]
             self.asked.append(args["state"])
             self.bad = self.bad and args["state"] != "previous"
@@ -66,7 +65,7 @@ class Host:
             self.args[args["state"]] = args
             found = {"staged": self.staged, "version": OLD, "unproven": self.unproven}
             return {**found, "start": f"after {self.asked[-2:]}"}
-        if name == "rosops.fleet.k3s_ready":
+        if args.get("job") == "k3s_ready":
             return {"failed": self.bad, "msg": "k3s will not become ready"}
         return {}
 

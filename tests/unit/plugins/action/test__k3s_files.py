@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import r
 CONFIG, UNIT, REGISTRIES = (
     "/etc/rancher/k3s/config.yaml", "/etc/systemd/system/k3s.service", "/etc/rancher/k3s/registries.yaml",
 )  # fmt: skip
+PLAN: dict[str, Any] = {"tokens": [], "etcd": False}
 
 
 @pytest.fixture
@@ -41,9 +42,8 @@ def files(staged: str, check_mode: bool = False, joins: str = "", **more: Any) -
         "hostvars": {"robot1": {}, "edge1": {}}, "k3s_role": "agent" if joins else "server", "k3s_cluster": "edge",
         "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
     }  # fmt: skip
-    args = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins}
-    args |= {"registered": "__k3s_slurped", **more}
-    return run(_k3s_files, args, variables, check_mode)
+    plan = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins, **PLAN, **more}
+    return run(_k3s_files, {"plan": plan, "registered": "__k3s_slurped"}, variables, check_mode)
 
 
 def test_in_place(written: list[tuple[str, bool]]) -> None:
@@ -91,5 +91,6 @@ def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> Non
     }  # fmt: skip
     for etcd in (False, True):
         texts.clear()
-        run(_k3s_files, {"write": [CONFIG], "remove": [], "etcd": etcd, "registered": ""}, known, False)
+        plan = {**PLAN, "write": [CONFIG], "remove": [], "etcd": etcd, "joins": "", "staged": ""}
+        run(_k3s_files, {"plan": plan, "registered": ""}, known, False)
         assert ("cluster-init: true" in texts[CONFIG]) is etcd

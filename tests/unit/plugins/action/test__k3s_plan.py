@@ -14,7 +14,7 @@ HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "e
 GONE = {"exists": False, "sha256": "", "mode": ""}
 BARE: dict[str, Any] = {
     "machine": "x86_64", "version": "", "images": {},
-    "service": {"active": "inactive", "enabled": False, "reload": False, "installed": False}, "other_service": False,
+    "service": {"active": "inactive", "enabled": False, "installed": False}, "other_service": False,
     "stale": False, "ready": False, "data": False, "etcd": False, "cgroup_refused": False,
     "tokens": {"server": "absent", "agent": "absent"}, "server_url": "", "answering": [],
     "change": {"unproven": False, "version": ""}, "kubeconfig_sha256": "",
@@ -26,16 +26,16 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The plan for a host of which the module says `now`; what the module was asked is in `asked`."""
 
     def plan(host: str, now: dict[str, Any], **variables: Any) -> dict[str, Any]:
-        def module(_self: Any, name: str, args: dict[str, Any]) -> dict[str, Any]:
-            if name == "rosops.fleet.k3s_ready":
+        def job(_self: Any, name: str, args: dict[str, Any], secrets: Any = None) -> dict[str, Any]:
+            if name == "k3s_ready":
                 plan.waited.append(args["timeout"])  # type: ignore[attr-defined]
                 seen = {"observed": "/readyz: etcd failed", "elapsed": 300.2, "verdict": plan.ends}  # type: ignore[attr-defined]
                 return {**seen, "failed": plan.ends != "pass"}  # type: ignore[attr-defined]
-            assert name == "rosops.fleet.k3s_info"
+            assert (name, secrets) == ("k3s_facts", {"token": "", "agent_token": ""})
             plan.asked = args  # type: ignore[attr-defined]
             return {"files": dict.fromkeys([*args["files"], BINARY], GONE), **BARE, **now}
 
-        monkeypatch.setattr(_k3s_plan.ActionHost, "module", module)
+        monkeypatch.setattr(_k3s_plan.ActionHost, "job", job)
         given = {
             "inventory_hostname": host, "hostvars": HOSTVARS, "k3s_cluster": "edge", "k3s_node_name": host,
             "k3s_role": "agent" if host == "robot1" else "server", "k3s_server_hosts": ["edge1", "edge2", "edge3"],

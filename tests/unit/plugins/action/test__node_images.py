@@ -40,7 +40,8 @@ def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize")
         _shell=SimpleNamespace(tmpdir="/unused"), has_option=options.__contains__, get_option=options.__getitem__
     )
     context = SimpleNamespace(copy=str, become=True, become_pass="")
-    made = _node_images.ActionModule(task, connection, context, None, None)
+    templar = SimpleNamespace(template=lambda value: value)
+    made = _node_images.ActionModule(task, connection, context, None, templar)
     made._shared_loader_obj = loaders
     made.ran = []
 

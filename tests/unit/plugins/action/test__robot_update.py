@@ -37,8 +37,8 @@ def _control_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RobotHost, "there", lambda _self: None)
 
 
-def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **options: Any) -> dict[str, Any]:
-    return run(_robot_update, {**args, "parts": list(parts), **options}, VARIABLES, check_mode)
+def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **more: Any) -> dict[str, Any]:
+    return run(_robot_update, args, {**VARIABLES, "update_parts": list(parts), **more}, check_mode)
 
 
 def outcome(result: dict[str, Any]) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def outcome(result: dict[str, Any]) -> dict[str, Any]:
 
 def test_what_stands_under_the_pods(server: Server, api: dict[str, Any]) -> None:
     for part in ("namespace", "storage"):
-        result = update(api, part, strict=True)
+        result = update(api, part, update_strict=True)
         assert (result["changed"], outcome(result)["outcome"]) == (True, "updated"), result
         assert not update(api, part)["changed"]
     assert server.find(f"{NAMESPACE}/secrets/pull")
@@ -78,11 +78,11 @@ def test_the_diff_of_a_robot_s_objects(server: Server, api: dict[str, Any]) -> N
 def test_claims_go_when_that_is_confirmed(server: Server, api: dict[str, Any]) -> None:
     update(api, "namespace")
     server.put(f"{CLAIMS}/old-pvc", {"metadata": {}})
-    refused = update(api, "storage", remove_claims=["old"], strict=True)
+    refused = update(api, "storage", storage_remove_claims=["old"], update_strict=True)
     assert refused["failed"]
     assert "would delete the data of old on robot1" in refused["msg"]
     assert not server.find(f"{CLAIMS}/data-pvc")  # refused before anything is written
-    assert update(api, "storage", remove_claims=["old"], remove_confirm=True)["changed"]
+    assert update(api, "storage", storage_remove_claims=["old"], storage_remove_confirm=True)["changed"]
     assert not server.find(f"{CLAIMS}/old-pvc")
     assert server.find(f"{CLAIMS}/data-pvc")
 
@@ -103,7 +103,7 @@ def test_without_a_cluster_a_run_says_so() -> None:
     assert not result.get("failed")
     assert outcome(result)["outcome"] == "failed"
     assert "nothing was touched: There is no kubeconfig /nowhere/edge.yaml" in outcome(result)["reason"]
-    assert update(NOWHERE, "apps", strict=True)["msg"] == f"failed: {outcome(result)['reason']}"
+    assert update(NOWHERE, "apps", update_strict=True)["msg"] == f"failed: {outcome(result)['reason']}"
 
 
 class Turns:
@@ -125,7 +125,7 @@ class Turns:
     def take(self, name: str, own: bool) -> dict[str, Any]:
         known = {**fleet_of(robot(name=name, master=self.masters)), "ansible_play_batch": [name]}
         known |= {"ansible_play_hosts_all": ["robot1", "robot2", "robot3"], "inventory_hostname": name}
-        return run(_robot_update, {"own": own, "failure_budget": "0"}, known)
+        return run(_robot_update, {}, {**known, "update_own": own})
 
 
 def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(
@@ -156,6 +156,26 @@ def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(
     assert stays == {"outcome": "rolled-back", "reason": "why", "steps": []}
     told = robots.take("robot2", own=True)["outcome"]
     assert told["reason"] == "not begun: robot1 failed, which is more than update_failure_budget allows"
+
+
+@pytest.mark.parametrize(
+    ("said", "to"),
+    [({}, ""), ({"update_back": True}, "previous"), ({"update_back": True, "update_to": 12345678}, "12345678")],
+)
+def test_what_is_asked_for_is_what_the_variables_say(
+    monkeypatch: pytest.MonkeyPatch, said: dict[str, Any], to: str
+) -> None:
+    """As text, too, of a survey or of -e."""
+    asked: dict[str, Any] = {}
+
+    def update(module: Any, params: dict[str, Any], _result: Any) -> RobotOutcome:
+        module._since = {}
+        asked.update(params)
+        return RobotOutcome("updated")
+
+    monkeypatch.setattr(_robot_update.ActionModule, "_update", update)
+    run(_robot_update, {}, {**VARIABLES, "update_apps": "camera, lidar", "update_remove_apps": None, **said})
+    assert (asked["apps"], asked["remove_apps"], asked["to"]) == (["camera", "lidar"], [], to)
 
 
 class Edge(dict[str, Any]):

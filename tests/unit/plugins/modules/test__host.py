@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, Seen
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import K3sHost
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import Change, K3sChange
 from ansible_collections.rosops.fleet.plugins.modules import _host
 
@@ -44,3 +49,59 @@ def test_facts_have_both_readings_of_the_clock() -> None:
     found = _host.facts(None, {"ports": [], "reach": [], "timeout": 1})
     assert found["facts"]["clock"]["began"] <= found["facts"]["clock"]["ended"]
     assert {"network", "memory_mb", "k3s"} <= set(found["facts"])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "how"), [(PASS, ""), (WAIT, "not ready after 0 s"), (FAIL, "will not become ready")]
+)
+def test_a_wait_for_k3s_ends_with_what_was_seen(
+    main: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch, verdict: str, how: str
+) -> None:
+    monkeypatch.setattr(K3sHost, "show", lambda *_args: {"NRestarts": "7"})
+    monkeypatch.setattr(K3sHost, "look", lambda _host, *asked: Seen(verdict, asked))
+    monkeypatch.setattr(K3sHost, "journal", lambda *_args: "level=fatal")
+    found = main(_host, job="k3s_ready", arguments={"role": "agent", "timeout": 0})
+    assert (found["verdict"], found["observed"], "failed" in found) == (verdict, "('agent', '', 7)", verdict != PASS)
+    assert verdict == PASS or found["msg"].startswith(f"k3s-agent {how}: ('agent', '', 7)\nThe end of its journal (")
+    assert verdict == PASS or found["msg"].endswith("k3s-agent):\nlevel=fatal")
+
+
+def download(monkeypatch: pytest.MonkeyPatch, place: Path, check: bool, **more: Any) -> Any:
+    def no_network(*_args: Any, **_more: Any) -> None:
+        raise OSError("no route to http://me:s3cret@proxy:3128")
+
+    monkeypatch.setattr(_host, "open_url", no_network)
+    monkeypatch.setattr(_host.os, "environ", {})
+    asked = {"url": "https://x/k3s", "dest": str(place), "sha256": "", "sums": "https://x/sums", "environment": {}}
+    return _host.k3s_download(SimpleNamespace(check_mode=check), {**asked, **more})
+
+
+def test_a_download_in_check_mode_asks_nobody(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    place = tmp_path / "k3s"
+    place.write_text("")
+    nothing = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
+    assert not download(monkeypatch, place, True, sha256=nothing)["changed"]
+    assert download(monkeypatch, place, True)["changed"]  # nobody knows
+
+
+def test_a_download_that_fails_says_no_password(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(FleetError, match=r"^https://x/k3s could not be downloaded: no route to http://me:\*+@proxy"):
+        download(monkeypatch, tmp_path / "k3s", False)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_no_log_gets_a_secret(main: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(_host.JOBS, "facts", lambda _module, arguments: {"told": arguments["token"]})
+    assert "s3cret" not in str(main(_host, job="facts", arguments={}, secrets={"token": "s3cret"}))
+
+
+@pytest.mark.parametrize("error", [FleetError("a process does not end"), OSError("a file is busy")])
+def test_a_removal_that_was_cut_off_says_how_to_go_on(
+    main: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def everything(*_args: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(_host.Remover, "everything", everything)
+    found = main(_host, job="k3s_remove", arguments={"volumes": False, "identity": False})
+    assert found["msg"] == f"k3s is not wholly removed: {error}. Running this again goes on where it ended."

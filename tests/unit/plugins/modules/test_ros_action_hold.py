@@ -76,6 +76,16 @@ def test_all_have_to_be_idle_and_those_with_a_server_are_held(run: Run) -> None:
     assert run.looked[0] == [("/work", "idle", "/worker_1a2b3c4d"), ("/drive", "idle", "")]
 
 
+def test_a_master_that_is_silent_just_then_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def silent(_self: Any) -> None:
+        raise RosError("no answer")
+
+    monkeypatch.setattr(ros_action_hold.Ros1Client, "state", silent)
+    result = run(keeper_uri=KEEPER)
+    assert (result["held"], FakeKeeper.calls) == ([], [])
+    assert result["reason"].endswith("goals of /work are not held: no answer")
+
+
 def test_what_messages_must_say_is_listened_to_from_look_to_look(run: Run) -> None:
     """And for longer than this call lasts, if need be: then it is not so yet."""
     run(keeper_uri=KEEPER, timeout=1, values=[{"topic": "/cmd_vel", "quiet": 5.0}])

@@ -38,9 +38,9 @@ class Robot:
         self.told += [f"hold {action} of {server}" for action, server in servers.items()]
         return dict.fromkeys(servers, self.refuses)
 
-    def isolate(self, action: str, server: str) -> None:
-        self.told.append(f"isolate {server}")
-        assert action == "/work"
+    def isolate(self, servers: Mapping[str, str]) -> None:
+        self.told += [f"isolate {server}" for server in servers.values()]
+        assert not {*servers} - {"/work"}
 
     def release(self, actions: Iterable[str]) -> Mapping[str, str]:
         self.told += [f"release {action}" for action in actions]

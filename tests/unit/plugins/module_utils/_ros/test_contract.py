@@ -10,7 +10,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions as options
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import record as recorded
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Rate, ServiceProbe, StatusReading
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from, with_revisions
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_answers, recorded_state
 
@@ -350,6 +350,6 @@ def test_of_two_pods_of_a_revision_the_one_counts_of_which_a_rate_is_known(rated
         "nodes": {name: {**node(), "uri": f"http://{name[-1]}:1/"} for name in (*pods, "/display")},
         "topics": {"/temperature": topic(pods, ["/display"], rates={pods[rated]: 500.0})},
     }
-    made = recorded(with_revisions(graph_from(there)), [OLD], {OLD: NEW})
+    made = recorded(graph_from(there).by_revision(), [OLD], {OLD: NEW})
     (sent,) = made.topics["/temperature"].publishers.values()
     assert (made.nodes, sent.rate, made.edges) == ((NEW,), 500.0, ((NEW, "/temperature", "/display"),))

@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     StatusReading,
     Topic,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from, with_revisions
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
     DEAD,
@@ -86,10 +86,10 @@ def test_the_graph_by_the_names_of_revisions() -> None:
     for name, version in (("/talker_a", "1a2b3c4d"), ("/worker", "99999999")):
         plain = plain.replace(f'"{name}', f'"{name}_{version}')
     of_pods = plain.replace("_1a2b3c4d", "_1a2b3c4d_79d9c6f8b5").replace("_99999999", "_99999999_4")
-    assert graph_data(with_revisions(graph_from(json.loads(of_pods)))) == json.loads(plain)
+    assert graph_data(graph_from(json.loads(of_pods)).by_revision()) == json.loads(plain)
     one, two = (Node(f"/cam_1a2b3c4d_{number}", f"http://{number}/", 7) for number in (4, 5))
     topic = Topic("/image", publishers=(one.key, two.key), rates={two.key: 5.0})
-    found = with_revisions(Graph({node.key: node for node in (one, two)}, {"/image": topic}))
+    found = Graph({node.key: node for node in (one, two)}, {"/image": topic}).by_revision()
     assert [(node.name, node.uri) for node in found.named("/cam_1a2b3c4d")] == [
         (REVISION, one.uri),
         (REVISION, two.uri),

@@ -71,7 +71,7 @@ def inventory(name: str = "production", own: str = "robot1", **variables: Any) -
 
 def part(name: str) -> dict[str, Any]:
     """What a role of one part of a robot asks for."""
-    return {"parts": [name], "strict": True}
+    return {"update_parts": [name], "update_strict": True}
 
 
 def made_by(server: Server, fleet: str, name: str = "edge") -> None:
@@ -112,14 +112,16 @@ def admin(server: Server, key: str = "t") -> dict[str, Any]:
 
 # --- another fleet's cluster ----------------------------------------------------------------------------------------
 
-ACTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
-    "node": (_node_apply, PLACE),
-    "namespace": (_robot_update, part("namespace")),
-    "storage": (_robot_update, {**part("storage"), "remove_claims": ["old-logs"], "remove_confirm": True}),
-    "ready": (_robot_update, part("ready")),
-    "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}),
-    "observability": (_observability_stack, {}),
-    "exporter": (_exporter_apply, {}),
+GONE = {"storage_remove_claims": ["old-logs"], "storage_remove_confirm": True}
+# With the task's options, and the variables.
+ACTIONS: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {
+    "node": (_node_apply, PLACE, {}),
+    "namespace": (_robot_update, {}, part("namespace")),
+    "storage": (_robot_update, {}, {**part("storage"), **GONE}),
+    "ready": (_robot_update, {}, part("ready")),
+    "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}, {}),
+    "observability": (_observability_stack, {}, {}),
+    "exporter": (_exporter_apply, {}, {}),
 }
 
 
@@ -129,8 +131,8 @@ def test_without_a_validated_fleet_no_cluster_is_asked(server: Server, action: s
     """As with --skip-tags validate: nothing says then which cluster is the right one."""
     os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
     known = {key: value for key, value in inventory().items() if fleet or key != "fleet"} | fleet
-    module, args = ACTIONS[action]
-    result = run(module, args, known)
+    module, args, variables = ACTIONS[action]
+    result = run(module, args, {**known, **variables})
     assert result["failed"]
     words = "no host of this fleet" if "inventory_hostname" in fleet else "import the playbook rosops.fleet.validate"
     assert words in result["msg"] or "is no robot of this fleet" in result["msg"]
@@ -138,7 +140,7 @@ def test_without_a_validated_fleet_no_cluster_is_asked(server: Server, action: s
 
 
 def test_users_wait_for_rollouts_of_any_cluster(server: Server) -> None:
-    module, args = ACTIONS["rollout"]
+    module, args, _variables = ACTIONS["rollout"]
     found = run(module, {**args, "host": server.url, "api_key": "t", "timeout": 0}, {})
     assert "Deployment b/a" in found["msg"]
     assert asked(server)
@@ -165,8 +167,8 @@ def test_no_action_touches_or_reads_a_cluster_that_is_not_the_inventorys(  # noq
         (local_tmp / "mine.yaml").write_text(yaml.safe_dump(kubeconfig(server) | MINE))
         known["k3s_kubeconfig_path"] = str(local_tmp / "mine.yaml")
     serve(monkeypatch, lambda _host: admin(server))
-    module, args = ACTIONS[action]
-    result = run(module, {**args, **(access if way == "options" else {})}, known)
+    module, args, variables = ACTIONS[action]
+    result = run(module, {**args, **(access if way == "options" else {})}, {**known, **variables})
     assert result["failed"]
     assert "the inventory's is the cluster edge of the fleet production" in result["msg"]
     assert (str(found) if found else "carries no fleet's identity") in result["msg"]
@@ -196,7 +198,7 @@ def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server:
 
 def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
     made_by(server, "fleet")
-    result = run(_robot_update, {"host": server.url, "api_key": "t", **part("namespace")}, inventory(name=""))
+    result = run(_robot_update, {"host": server.url, "api_key": "t"}, inventory(name="", **part("namespace")))
     assert result["failed"]
     assert "Set fleet_name for all hosts" in result["msg"]
 
@@ -207,7 +209,7 @@ def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
 def test_the_right_one_by_a_given_access(server: Server) -> None:
     made_by(server, "production")
     os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
-    result = run(_robot_update, part("namespace"), inventory())
+    result = run(_robot_update, {}, inventory(**part("namespace")))
     assert result["changed"]
     assert result["apis"] == {"edge": {"host": server.url, "source": "K8S_AUTH_HOST of the environment"}}
     assert asked(server)[0] == IDENTITY
@@ -220,7 +222,7 @@ def test_access_is_fetched_from_the_clusters_own_server_and_the_environment_adds
     os.environ.update(K8S_AUTH_API_KEY="left in a shell", K8S_AUTH_VERIFY_SSL="False")
     servers = serve(monkeypatch, lambda _host: admin(server))
     for name in ("namespace", "storage"):
-        result = run(_robot_update, part(name), inventory())
+        result = run(_robot_update, {}, inventory(**part(name)))
         assert result["apis"] == {"edge": {"host": server.url, "source": "the cluster's own server"}}
     assert servers == ["edge1"]
     assert {headers["authorization"] for _path, _query, headers in list(server.requests.queue)} == {"Bearer t"}
@@ -234,7 +236,7 @@ def test_a_standalone_robot_is_reached_by_its_own_access_whatever_the_environmen
     try:
         os.environ.update(K8S_AUTH_HOST=hub.url, K8S_AUTH_API_KEY="t")
         servers = serve(monkeypatch, lambda _host: admin(server))
-        assert run(_robot_update, part("namespace"), inventory(own="robot2"))["changed"]
+        assert run(_robot_update, {}, inventory(own="robot2", **part("namespace")))["changed"]
         assert servers == ["robot2"]
         assert (asked(hub), hub.writes) == ([], [])
     finally:
@@ -248,7 +250,7 @@ def test_the_stage_node_adopts_a_cluster_that_has_no_identity(
     if before:
         made_by(server, before)
     serve(monkeypatch, lambda _host: admin(server))
-    assert not run(_robot_update, part("storage"), inventory()).get("failed")  # and others go on without
+    assert not run(_robot_update, {}, inventory(**part("storage"))).get("failed")  # and others go on without
     said: list[str] = []
     monkeypatch.setattr(_node_apply.ActionModule, "say", lambda *_: said.append)
     assert run(_node_apply, PLACE, inventory(), check_mode=True)["changed"]
@@ -268,10 +270,10 @@ def test_a_cluster_that_was_made_anew_since_is_asked_again(server: Server, monke
     tokens = iter(["old", "new", "newer"])
     servers = serve(monkeypatch, lambda _host: admin(server, next(tokens)))
     server.refusals += [(401, "Unauthorized")]
-    assert run(_robot_update, part("namespace"), inventory())["changed"]
+    assert run(_robot_update, {}, inventory(**part("namespace")))["changed"]
     assert servers == ["edge1", "edge1"]
     server.refusals += [(401, "Unauthorized")] * 2
-    assert "refuses the credentials" in run(_robot_update, part("namespace"), inventory())["msg"]
+    assert "refuses the credentials" in run(_robot_update, {}, inventory(**part("namespace")))["msg"]
     assert len(servers) == 3
 
 
@@ -294,15 +296,15 @@ def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.Monk
 
 def test_check_mode_foresees_a_cluster_to_come(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(monkeypatch, lambda _host: NOT_YET)
-    result = run(_robot_update, part("namespace"), inventory(), check_mode=True)
+    result = run(_robot_update, {}, inventory(**part("namespace")), check_mode=True)
     assert "there is no cluster yet; would create Namespace robot-robot1" in result["msg"]
-    failed = run(_robot_update, part("namespace"), inventory())
+    failed = run(_robot_update, {}, inventory(**part("namespace")))
     assert "There is no cluster edge yet" in failed["msg"]
 
 
 def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(monkeypatch, lambda _host: SECRET)
-    failed = run(_robot_update, part("namespace"), inventory(), check_mode=True)
+    failed = run(_robot_update, {}, inventory(**part("namespace")), check_mode=True)
     assert failed["failed"]
     assert "edge1: /etc/rancher/k3s/k3s.yaml cannot be read there: Missing sudo password" in failed["msg"]
 

@@ -9,7 +9,7 @@ import pytest
 from ansible.parsing.dataloader import DataLoader
 from ansible.template import Templar, trust_as_template
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import change_variables, role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import OF_EVERY_CHANGE, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 
 REQUIRED = {"k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"]}
@@ -17,7 +17,7 @@ REQUIRED = {"k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["e
 
 def read(**given: Any) -> dict[str, Any]:
     known = {**REQUIRED, **given}
-    return role_variables("k3s", Templar(loader=DataLoader(), variables=known), known)
+    return role_variables("k3s", (), Templar(loader=DataLoader(), variables=known), known)
 
 
 def test_only_the_roles_own_are_read() -> None:
@@ -26,7 +26,7 @@ def test_only_the_roles_own_are_read() -> None:
 
 def test_what_counts_for_every_change_is_the_updates() -> None:
     given = {"update_busy_timeout": "20", "update_to": "previous"}
-    found = change_variables(Templar(loader=DataLoader(), variables=given), given)
+    found = role_variables("update", OF_EVERY_CHANGE, Templar(loader=DataLoader(), variables=given), given)
     assert found == {"update_on_busy": "wait", "update_busy_timeout": 20, "update_failure_budget": "0"}
 
 

@@ -8,6 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import collect
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight import findings as _preflight
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import Requirements
 
@@ -43,7 +45,7 @@ X86: dict[str, Any] = {
     },
     "memory_mb": 7943,
     "disk": {"path": "/var/lib/rancher", "total_mb": 60000, "free_mb": 41000, "free_inodes": 3600000, "type": "ext4"},
-    "routes": [{"family": 4, "interface": "eth0", "gateway": "10.0.0.254", "mtu": 1500}],
+    "routes": [{"family": 4, "interface": "eth0", "mtu": 1500}],
     "network": {"firewalls": [], "selinux": {"mode": "", "policy": False}, "lacking": []},
     "listening": [],
     "reach": [{"host": "10.0.0.1", "port": 6443, "outcome": "refused"}],
@@ -58,6 +60,14 @@ X86: dict[str, Any] = {
     },
     "clock": {"offset": 0.02, "uncertainty": 0.1},
 }
+
+
+def shape(value: Any) -> Any:
+    return {key: shape(item) for key, item in value.items()} if isinstance(value, dict) else ...
+
+
+def test_a_host_of_these_tables_has_the_facts_that_a_host_has() -> None:
+    assert shape(X86) == {**shape(collect(Host(), [], [], 1.0)), "clock": shape(X86["clock"])}
 
 
 def host(**changes: Any) -> dict[str, Any]:

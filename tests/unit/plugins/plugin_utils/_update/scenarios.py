@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
@@ -80,7 +81,9 @@ SCENARIOS = {
 INFRASTRUCTURE = ("master", "keeper-and-master")  # whoever takes steps back for others
 
 
-def settings(**more: Any) -> Settings:
+def settings(parts: Collection[str] | None = None, **more: Any) -> Settings:
+    if parts is not None:
+        more["request"] = replace(more.get("request", Request()), parts=parts)
     return Settings(**{"ready_timeout": 30.0, "busy_timeout": 60.0, "verify_seconds": 10.0, **more})
 
 

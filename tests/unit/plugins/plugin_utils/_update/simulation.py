@@ -722,7 +722,7 @@ class KeeperOf:
         sim.later(self.seconds, lambda: sim.expire(action))
         return ""
 
-    def isolate(self, action: str, server: str) -> None:
+    def isolate(self, servers: Mapping[str, str]) -> None:
         """Nothing that is simulated."""
 
     def release(self, actions: Iterable[str]) -> Mapping[str, str]:

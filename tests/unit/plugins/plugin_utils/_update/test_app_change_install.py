@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -48,7 +49,8 @@ SHARED = robot(app("chart", GOOD, pattern="service", scope="fleet"), app("sensor
 
 def site(sim: Simulation, of: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome | None:
     limits = {"ready_timeout": 30.0, "rollout_timeout": 60.0, "busy_timeout": 60.0}
-    return sim.run(of, Settings(**{"parts": PARTS, **limits, **more}), fault, at)
+    request = replace(more.pop("request", Request()), parts=more.pop("parts", PARTS))
+    return sim.run(of, Settings(request, **{**limits, **more}), fault, at)
 
 
 def outcome(sim: Simulation, of: Robot, **more: Any) -> RobotOutcome:

@@ -8,10 +8,11 @@ import json
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
@@ -217,7 +218,7 @@ def test_a_keeper_that_is_from_before_itself_proves_what_it_is_told_of(
     sim, wanted = before(name), SCENARIOS[name].robot(OLD)
     assert outcome_of(sim, wanted).outcome == "updated"
     with monkeypatch.context() as patched:
-        patched.setattr(gate, "in_pods", lambda _ros, _state, conditions: conditions)
+        patched.setattr(gate, "as_registered", lambda _ros, _state, conditions: conditions)
         patched.setattr(Contract, "called", lambda contract, _new: contract)
         sim.settle(600.0)
     assert sim.keeper.said[-1].endswith(": proven"), sim.keeper.said

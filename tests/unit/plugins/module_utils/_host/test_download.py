@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.modules.k3s_download import fetch, listed_sum, proxies
+from ansible_collections.rosops.fleet.plugins.module_utils._host.download import fetch, listed_sum, proxies
 
 BINARY = b"k3s" * 1000
 SUM = hashlib.sha256(BINARY).hexdigest()
@@ -26,9 +26,9 @@ class Network:
 
 def test_it_comes_whole_and_once(tmp_path: Path) -> None:
     network, place = Network(), tmp_path / "k3s"
-    assert fetch(network, "https://x/k3s", place, SUM, 0o755)
+    assert fetch(network, "https://x/k3s", place, SUM)
     assert (place.read_bytes(), place.stat().st_mode & 0o777) == (BINARY, 0o755)
-    assert not fetch(network, "https://x/k3s", place, SUM, 0o755)
+    assert not fetch(network, "https://x/k3s", place, SUM)
     assert network.asked == ["https://x/k3s"]
     assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
 
@@ -37,7 +37,7 @@ def test_what_is_not_what_it_should_be_does_not_come(tmp_path: Path) -> None:
     place = tmp_path / "k3s"
     place.write_text("the one before")
     with pytest.raises(FleetError, match=f"expected is {SUM}"):
-        fetch(Network(b"something else"), "https://x/k3s", place, SUM, 0o755)
+        fetch(Network(b"something else"), "https://x/k3s", place, SUM)
     assert place.read_text() == "the one before"
     assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
 

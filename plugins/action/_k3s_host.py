@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the role k3s: what it has done on the host beside files and the exchange, and the kubeconfig from there."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from pathlib import Path
+from typing import ClassVar
+
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._host.k3s import BINARY, KUBECONFIG
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._action.variables import plain
+from ..plugin_utils._k3s.wanted import Wanted, wanted
+from ..plugin_utils._kube.kubeconfig import is_foreign, is_of, keep, local_kubeconfig
+
+
+class ActionModule(FleetAction):
+    """`plan` is what _k3s_plan found. `remove` needs none, and without one `ready` waits for no vote in etcd."""
+
+    ARGUMENTS: ClassVar = {
+        "do": {"type": "str", "choices": ["download", "ready", "kubeconfig", "remove"], "required": True},
+        "plan": {"type": "dict", "default": {}},
+    }
+
+    def work(self, params: Arguments, known: Variables) -> Result:
+        check, plan, variables = bool(self._task.check_mode), plain(params["plan"]), self.variables(known, "k3s")
+        host = ActionHost(self, known, check_mode=check)
+        if params["do"] == "download":  # through the proxies that k3s itself goes through; a password in one is on no
+            source = {name: plan["source"][name] for name in ("url", "sha256", "sums")}  # command line so
+            asked = {**source, "dest": BINARY + plan["staged"]}
+            return host.job("k3s_download", asked, {"environment": variables["k3s_environment"]})
+        if params["do"] == "ready":
+            asked = {"role": variables["k3s_role"], "timeout": variables["k3s_start_timeout"]}
+            return host.job("k3s_ready", {**asked, "member": plan.get("member", "")})
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"])
+        if params["do"] == "kubeconfig":
+            return _fetched(ActionHost(self, known), part, variables["k3s_cluster"], plan["has_kubeconfig"], check)
+        asked = {"volumes": variables["k3s_remove_volumes"], "identity": variables["k3s_remove_identity"]}
+        found = host.job("k3s_remove", asked)
+        # other servers may go on with the cluster
+        if found.get("failed") or set(variables["k3s_server_hosts"]) - set(known["ansible_play_hosts_all"]):
+            return found
+        return {**found, **_forgotten(part, variables["k3s_cluster"], bool(found["changed"]), check)}
+
+
+def _fetched(host: ActionHost, part: Wanted, cluster: str, there: bool, check: bool) -> Result:
+    """The administrator's kubeconfig, of which nothing is shown; `there`: the server has one already."""
+    if is_foreign(part.kubeconfig):
+        return {"changed": False, "msg": f"{part.kubeconfig} was not written by this role and stays as it is"}
+    if check and not there:
+        return {"changed": True, "msg": f"{part.kubeconfig} would be written"}
+    read = host.module("ansible.builtin.slurp", {"src": KUBECONFIG})
+    if read.get("failed"):
+        return {"failed": True, "msg": read.get("msg", f"{KUBECONFIG} cannot be read")}
+    text = base64.b64decode(read["content"])
+    digest = hashlib.sha256(text).hexdigest()
+    config = local_kubeconfig(text.decode(errors="replace"), part.url, cluster, digest)
+    return {"changed": keep(part.kubeconfig, config, check), "path": part.kubeconfig}
+
+
+def _forgotten(part: Wanted, cluster: str, changed: bool, check: bool) -> Result:
+    """Delete the one that was written for this cluster; another one's stays. `changed`: so was the host."""
+    path = Path(part.kubeconfig)
+    if not (part.kubeconfig and path.exists()):
+        return {"changed": changed}
+    if not is_of(part.kubeconfig, part.url, cluster):
+        return {"changed": changed, "msg": f"{path} was not written for the cluster {cluster} and stays as it is"}
+    if not check:
+        path.unlink()
+    return {"changed": True, "path": part.kubeconfig}
