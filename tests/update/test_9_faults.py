@@ -8,7 +8,8 @@ import time
 import pytest
 from cluster import KEEPER, MASTER
 from fleet import Fleet
-from test_9_other_doors import PUBLISHER, SUBSCRIBER, assert_alone, deployments, kubectl, replaced
+from runs import wait_until
+from test_9_other_doors import PUBLISHER, SECONDS, SUBSCRIBER, assert_alone, deployments, kubectl, replaced
 
 APPS = [PUBLISHER, SUBSCRIBER]
 KILL = "delete pod --force --grace-period=0 -l rosops.fleet/app="
@@ -44,12 +45,16 @@ def test_what_begins_anew_in_the_middle_of_a_change(fleet: Fleet, what: str) -> 
 
 def test_a_reboot_takes_the_proof_back(fleet: Fleet) -> None:
     """Kubernetes keeps a pod's conditions over a boot of its host: what was proven was another container."""
-    before = fleet.pods()["robot1"]
-    assert before[PUBLISHER][0].containers[0] in before[PUBLISHER][0].gate
+    (before,) = fleet.pods()["robot1"][PUBLISHER]
+    assert before.containers[0] in before.gate
     fleet.hosts.power("robot1", "reboot")
-    fleet.wait_settled(240)
+
+    def containers() -> tuple[str, ...]:
+        return fleet.pods()["robot1"][PUBLISHER][0].containers
+
+    wait_until(containers, lambda now: now != before.containers, SECONDS, "another container")
+    fleet.wait_settled(SECONDS)
     (pod,) = fleet.pods()["robot1"][PUBLISHER]
-    assert pod.uid == before[PUBLISHER][0].uid
-    assert pod.containers != before[PUBLISHER][0].containers
+    assert pod.uid == before.uid
     assert pod.containers[0] in pod.gate, pod
     assert_alone(fleet, [PUBLISHER])
