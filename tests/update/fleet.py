@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import evidence
 import yaml
 from cluster import Cluster, Hosts, Pod, running
 from evidence import Losses
@@ -106,6 +107,18 @@ class Fleet:
     def wait_settled(self, seconds: float = 120) -> None:
         """Until every app of every robot is rolled out and ready."""
         wait_until(self.unsettled, lambda problems: not problems, seconds, "a fleet at rest")
+
+    def wait_for_goal(self, robot: str, since: float) -> None:
+        """Until one that was sent since then has succeeded.
+
+        One that its client at the edge had sent to a robot that is away is lost only when its time is over.
+        """
+
+        def sent() -> float:
+            goals = self.hosts.logs(robot).get(evidence.GOALS, [])
+            return evidence.newest([goal for goal in goals if goal["outcome"] == evidence.SUCCEEDED], "sent")
+
+        wait_until(sent, lambda newest: newest > since, 240, "a goal from the edge that comes through again", pause=1)
 
     def settle(self) -> None:
         """Have the fleet run what its inventory says, whatever the test before left behind."""

@@ -14,7 +14,6 @@ from typing import Any
 import evidence
 import pytest
 from fleet import LIMIT, Fleet
-from runs import wait_until
 from test_9_other_doors import PUBLISHER, assert_alone, deployments, kubectl, replaced
 
 ROBOT, OWN = "robot1", "own"
@@ -46,13 +45,7 @@ def on_its_own(fleet: Fleet) -> Iterator[Fleet]:
     yield fleet
     back = time.time()
     fleet.update(before, *LIMIT, update_remove_apps=[app["name"] for app in wanted]).must(0)
-
-    def sent() -> float:
-        goals = fleet.hosts.logs(ROBOT).get(evidence.GOALS, [])
-        return evidence.newest([goal for goal in goals if goal["outcome"] == evidence.SUCCEEDED], "sent")
-
-    # one that its client at the edge had sent into the cut is lost only when its time is over
-    wait_until(sent, lambda newest: newest > back, 240, "a goal from the edge that comes through again", pause=1)
+    fleet.wait_for_goal(ROBOT, back)
 
 
 @pytest.mark.long

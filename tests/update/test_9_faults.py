@@ -57,4 +57,5 @@ def test_a_reboot_takes_the_proof_back(fleet: Fleet) -> None:
     (pod,) = fleet.pods()["robot1"][PUBLISHER]
     assert pod.uid == before.uid
     assert pod.containers[0] in pod.gate, pod
+    fleet.wait_for_goal("robot1", time.time())
     assert_alone(fleet, [PUBLISHER])
