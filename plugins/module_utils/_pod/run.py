@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|stop|sidecar|keeper|exporter`.
+"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|stop|sidecar|keeper`.
 
 Nothing more than the way to the command's own module, because a script, unlike a module, is compiled at every start.
 """
@@ -20,11 +20,10 @@ COMMANDS = {
     "stop": "_pod.stop",
     "sidecar": "_pod.sidecar",
     "keeper": "_robot.main",
-    "exporter": "_exporter.main",
 }
 # Who lives long, and what modules of the standard library load there if they can, and nobody needs: OpenSSL of hashlib,
-# what shutil packs archives with, and TLS of http.client where no Kubernetes API is asked. 5 MB.
-LEFT_OUT = {"keeper": ("_hashlib", "bz2", "lzma"), "exporter": ("ssl", "_hashlib", "bz2", "lzma")}
+# and what shutil packs archives with.
+LONG, LEFT_OUT = "keeper", ("_hashlib", "bz2", "lzma")
 COMPILED = "ROSOPS_COMPILED"
 ROOT = "rosops_fleet"
 
@@ -56,9 +55,9 @@ class Flat:
         return spec
 
 
-def leave_out(names: tuple[str, ...]) -> None:
+def leave_out() -> None:
     modules: dict[str, object] = sys.modules  # type: ignore[assignment]
-    modules.update(dict.fromkeys(names))
+    modules.update(dict.fromkeys(LEFT_OUT))
     # http.server takes one function of html, which brings the names of two thousand characters along, 0.6 MB
     modules["html.entities"] = entities = ModuleType("html.entities")
     entities.html5 = {}  # type: ignore[attr-defined]
@@ -76,19 +75,16 @@ def main(words: list[str]) -> int:
         return 2
     # not the real path: a ConfigMap's files are links, and the other files are where they appear
     directory = os.path.dirname(os.path.abspath(words[0]))
-    if words[1] in LEFT_OUT and sys.flags.optimize < 2:
+    if words[1] == LONG and sys.flags.optimize < 2:
         begin_anew(words)  # without the texts that explain the standard library, 0.6 MB
     # The mount is read-only, so compiled modules go where the pod may write; a directory per user, as nobody else's is
     # to be trusted.
     sys.pycache_prefix = f"/tmp/rosops-fleet-{os.getuid()}/pycache"  # noqa: S108
     sys.meta_path.append(Flat(directory))
-    if words[1] == "exporter":
-        # its container has no place to write to
-        sys.dont_write_bytecode = True
-    if words[1] in LEFT_OUT:
-        leave_out(LEFT_OUT[words[1]])
+    if words[1] == LONG:
+        leave_out()
     module = importlib.import_module(f"{ROOT}.{COMMANDS[words[1]]}")
-    if words[1] in LEFT_OUT and Loader.compiled and COMPILED not in os.environ:
+    if words[1] == LONG and Loader.compiled and COMPILED not in os.environ:
         # To compile leaves 5 MB of holes in the memory, which a process that finds all compiled has no use for.
         os.environ[COMPILED] = "yes"
         begin_anew(words)

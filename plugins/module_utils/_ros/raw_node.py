@@ -27,7 +27,7 @@ POLL = 1.0  # between looks at whether it is to stop
 
 
 class Asked(NamedTuple):
-    """A request that is no XML-RPC. `path` has no query, `method` is in capitals."""
+    """A request that is no XML-RPC. `path` has no query, `method` is in capitals, headers are named `Content-Type`."""
 
     method: str
     path: str
@@ -87,7 +87,8 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
     def _asked(self) -> Asked:
         path, _mark, query = self.path.partition("?")
-        return Asked(self.command, path, dict(parse_qsl(query)), self.headers, self.rfile.read(self._size()))
+        headers = {name.title(): text for name, text in self.headers.items()}
+        return Asked(self.command, path, dict(parse_qsl(query)), headers, self.rfile.read(self._size()))
 
     def _size(self) -> int:
         """The bytes of the call."""

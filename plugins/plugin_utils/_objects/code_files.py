@@ -13,12 +13,12 @@ from pathlib import Path
 
 from ...module_utils._pod import run
 from ...module_utils._step.objects import Object
-from .._model import names
+from .._model import context, names
 from .._model.context import Robot
 from .common import config_map, owner_labels
 
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
-ENTRY, EXPORTER = "run.py", "exporter"
+ENTRY = "run.py"
 LAUNCHER = "_pod.launch"  # runs by itself, on the image's own interpreter
 # A keeper of a collection before 1.0 loads it by this name when it first needs it, and it may run on with these files.
 FORMER = {"_pod.latched_topics.py": "from .._robot.latched_topics import LatchedTopics as LatchedTopics\n"}
@@ -29,19 +29,13 @@ _NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
 
 def app_files() -> dict[str, str]:
     """File name -> content of what app pods and the keeper run: `run.py`, and `<package>.<module>.py`."""
-    commands = [module for command, module in run.COMMANDS.items() if command != EXPORTER]
-    return {**_read((*commands, LAUNCHER)), **FORMER}
-
-
-def exporter_files() -> dict[str, str]:
-    """The same for the exporter's pod."""
-    return dict(_read((run.COMMANDS[EXPORTER],)))
+    return {**_read(), **FORMER}
 
 
 @functools.cache
-def _read(modules: tuple[str, ...]) -> dict[str, str]:
-    """The entry, and every module that these reach: each byte is held in etcd for every robot, and in its pods."""
-    files, todo = {ENTRY: Path(run.__file__).read_text("utf-8")}, list(modules)
+def _read() -> dict[str, str]:
+    """The entry, and every module that it reaches: each byte is held in etcd for every robot, and in its pods."""
+    files, todo = {ENTRY: Path(run.__file__).read_text("utf-8")}, [*run.COMMANDS.values(), LAUNCHER]
     while todo:
         module = todo.pop()
         if f"{module}.py" not in files:
@@ -65,9 +59,9 @@ def relative_imports(module: str, text: str) -> list[str]:
 def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:
     """The ConfigMaps `rosops-code`, one per namespace that has pods with our code; `code` is file name -> content."""
     scopes = {app.scope for app in robot.apps if app.hooks != "none"}
-    mode, objects = robot.master.mode, []
-    if "robot" in scopes or mode == "robot":  # the keeper of a master mounts it, too
+    shared, objects = robot.master.mode == "shared", []
+    if "robot" in scopes or (context.has_keeper_pod(robot) and not shared):
         objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))
-    if "fleet" in scopes or mode == "shared":
+    if "fleet" in scopes or shared:
         objects.append(config_map(names.CODE_NAME, names.FLEET_NAMESPACE, owner_labels(None), code))
     return objects

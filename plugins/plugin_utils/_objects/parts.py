@@ -18,7 +18,7 @@ from .._model.context import Robot
 from .app import app_deployment, app_objects
 from .belongings import belongings
 from .code_files import app_files, code_maps
-from .master import master_objects
+from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
 from .pod_settings import full_name
 from .rights import keeper_access
@@ -44,7 +44,8 @@ def ground_objects(
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 
-    These are namespace, Secrets, claims, the code in the pods, the files of versions to come, and apps' Services.
+    These are namespace, Secrets, claims, the code in the pods, the files of versions to come, apps' Services, and what
+    only shows the graph of an external master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """
@@ -59,12 +60,14 @@ def ground_objects(
         found += code_maps(robot, code)
     if APPS in parts:
         found += belongings(robot)
+    if MASTER in parts and robot.master.mode == "external":
+        found += keeper_objects(robot)
     return found
 
 
 def workload_objects(robot: Robot, parts: Collection[str]) -> list[Object]:
     """What runs, with its Services."""
-    made = master_objects(robot) if MASTER in parts else []
+    made = master_objects(robot) if MASTER in parts and robot.master.mode != "external" else []
     return [*made, *(app_objects(robot) if APPS in parts else [])]
 
 

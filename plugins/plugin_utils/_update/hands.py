@@ -107,6 +107,9 @@ class Hands:
 
     @property
     def keeper(self) -> str:
+        """The address of the keeper; an external master has none, whatever is left of another one's."""
+        if self.robot.master.mode == "external":
+            return ""
         return self.live.service_uri(names.KEEPER_NAME, master_namespace(self.robot))
 
     # --- its cluster ------------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def loader():
 def started(directory: Path, word: str, text: str = LOOKS) -> dict[str, Any]:
     for name, content in app_files().items():
         (directory / name).write_text(content)
-    for module in ("_robot.main", "_exporter.main", "_pod.started"):
+    for module in ("_robot.main", "_pod.started"):
         (directory / f"{module}.py").write_text(text)
         (directory / f"{module.partition('.')[0]}.run_of.py").write_text(RUN_OF)
     command = [sys.executable, "-I", "-S", str(directory / "run.py"), word, "--record", "x"]
@@ -45,13 +45,10 @@ def started(directory: Path, word: str, text: str = LOOKS) -> dict[str, Any]:
     return dict(json.loads(said))
 
 
-@pytest.mark.parametrize(("word", "loaded"), [("keeper", ["ssl", "_ssl"]), ("exporter", [])])
-def test_what_lives_long_compiles_nothing_and_loads_only_what_it_needs(
-    tmp_path: Path, word: str, loaded: list[str]
-) -> None:
-    """What compiling leaves in a process's memory stays there. The exporter asks no Kubernetes API."""
-    told = started(tmp_path, word)
-    assert (told["words"], told["loaded"], told["optimize"]) == (["--record", "x"], loaded, 2)
+def test_what_lives_long_compiles_nothing_and_loads_only_what_it_needs(tmp_path: Path) -> None:
+    """What compiling leaves in a process's memory stays there."""
+    told = started(tmp_path, "keeper")
+    assert (told["words"], told["loaded"], told["optimize"]) == (["--record", "x"], ["ssl", "_ssl"], 2)
     assert not told["compiled"]
 
 

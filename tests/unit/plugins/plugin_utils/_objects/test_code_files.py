@@ -15,25 +15,18 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import COMMA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
     app_files,
     code_maps,
-    exporter_files,
     relative_imports,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
-FILES = {"app": app_files(), "exporter": exporter_files()}
+FILES = app_files()
 CONFIG_MAP_LIMIT = 1 << 20
 
 
-@pytest.mark.parametrize("files", FILES.values(), ids=FILES)
-def test_each_fits(files: dict[str, str]) -> None:
-    assert sum(map(len, files.values())) < CONFIG_MAP_LIMIT / 2
-
-
-def test_each_pod_has_its_commands_and_not_the_others() -> None:
-    assert {f"{module}.py" for command, module in COMMANDS.items() if command != "exporter"} <= set(FILES["app"])
-    assert not [name for name in FILES["app"] if "exporter" in name]
-    assert "_exporter.main.py" in FILES["exporter"] and "_pod.started.py" not in FILES["exporter"]
+def test_it_fits_and_has_all_commands() -> None:
+    assert sum(map(len, FILES.values())) < CONFIG_MAP_LIMIT / 2
+    assert {f"{module}.py" for module in COMMANDS.values()} <= set(FILES)
 
 
 def test_imports_in_functions_and_of_names_count() -> None:
@@ -53,9 +46,8 @@ print(found.__name__)
 """
 
 
-@pytest.mark.parametrize(("kind", "last"), [("app", "_pod.latched_topics"), ("exporter", "_exporter.main")])
-def test_whatever_is_loaded_later_is_found(tmp_path: Path, kind: str, last: str) -> None:
-    files = FILES[kind]
+def test_whatever_is_loaded_later_is_found(tmp_path: Path) -> None:
+    files, last = FILES, "_pod.latched_topics"
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     names = [name.removesuffix(".py") for name in files if name not in ("run.py", "_pod.launch.py", f"{last}.py")]
@@ -63,7 +55,7 @@ def test_whatever_is_loaded_later_is_found(tmp_path: Path, kind: str, last: str)
     script = files["run.py"].rpartition("if __name__")[0] + tried
     found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=True)  # noqa: S603
     assert found.stdout == f"rosops_fleet.{last}\n"
-    assert kind == "exporter" or {"_pod.namesake", "_pod.params"} <= set(names)
+    assert {"_pod.namesake", "_pod.params"} <= set(names)
 
 
 def mounted(place: Path, files: dict[str, str]) -> Path:
@@ -95,7 +87,7 @@ def run(command: list[str]) -> tuple[int, str]:
 @pytest.mark.parametrize("python", pythons())
 @pytest.mark.parametrize("word", ["started", "stop"])
 def test_it_runs_from_a_mount_and_writes_nothing_there(tmp_path: Path, word: str, python: str) -> None:
-    place = mounted(tmp_path, FILES["app"])
+    place = mounted(tmp_path, FILES)
     before = sorted(place.rglob("*"))
     said = "rosops.fleet: left to SIGTERM: the ROS master does not answer" if word == "stop" else ""
     status, output = run([python, "-I", "-S", str(place / "run.py"), word])
@@ -103,12 +95,9 @@ def test_it_runs_from_a_mount_and_writes_nothing_there(tmp_path: Path, word: str
     assert sorted(place.rglob("*")) == before
 
 
-@pytest.mark.parametrize(
-    ("files", "words", "code"),
-    [("app", [], 2), ("app", ["jump"], 2), ("exporter", ["jump"], 2), ("exporter", ["exporter", "--jump", "1"], 1)],
-)
-def test_other_words_are_explained(tmp_path: Path, files: str, words: list[str], code: int) -> None:
-    place = mounted(tmp_path, FILES[files])
+@pytest.mark.parametrize(("words", "code"), [([], 2), (["jump"], 2), (["keeper", "--jump", "1"], 1)])
+def test_other_words_are_explained(tmp_path: Path, words: list[str], code: int) -> None:
+    place = mounted(tmp_path, FILES)
     status, output = run([sys.executable, "-I", "-S", str(place / "run.py"), *words])
     assert (status, "usage: " in output) == (code, True)
 
@@ -119,14 +108,13 @@ process = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE, text=True)
 try:
     print(process.stdout.readline().strip())
     port = sys.argv[-1]
+    print(urllib.request.urlopen(f"http://127.0.0.1:{port}/ready", timeout=5).status)
     for _try in range(200):
         text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5).read().decode()
         if "ros_master_up" in text:
             break
         time.sleep(0.05)
     print(text)
-    maps = open(f"/proc/{process.pid}/maps").read()
-    print("OpenSSL" if "libssl" in maps else "no OpenSSL")
 finally:
     process.kill()
     process.wait()
@@ -134,14 +122,14 @@ finally:
 
 
 @pytest.mark.parametrize("python", pythons())
-def test_the_exporter_runs_from_a_mount_without_a_master(tmp_path: Path, python: str) -> None:
-    place = mounted(tmp_path, FILES["exporter"])
+def test_what_shows_metrics_runs_from_a_mount_without_a_master(tmp_path: Path, python: str) -> None:
+    place = mounted(tmp_path, FILES)
     before, port = sorted(place.rglob("*")), str(20000 + os.getpid() % 10000)
-    command = [python, "-I", "-S", str(place / "run.py"), "exporter", "--address", "127.0.0.1", "--port", port]
+    command = [python, "-I", "-S", str(place / "run.py"), "keeper", "--keep", "off", "--port", port]
     _status, output = run([sys.executable, "-c", SCRAPE, *command])
     assert "ros_master_up 0.0\n" in output
     assert 'ros_exporter_scrape_errors_total{reason="refused"} 1.0\n' in output
-    assert "\nno OpenSSL\n" in output
+    assert output.splitlines()[1] == "200"
     assert sorted(place.rglob("*")) == before
 
 
@@ -159,6 +147,7 @@ SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0
     [
         ([], {}, [ROBOT]),  # the keeper's pod needs it
         ([], EXTERNAL, []),
+        ([], {**EXTERNAL, "seen": True}, [ROBOT]),
         ([], SHARED, [FLEET]),
         ([APP], {}, [ROBOT]),
         ([APP], EXTERNAL, [ROBOT]),
@@ -171,6 +160,7 @@ SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0
     ],
 )
 def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, places: list[str]) -> None:
-    objects = code_maps(robot(*apps, name="r1", master=master), CODE)
+    seen = {"enabled": "seen" in master}
+    objects = code_maps(robot(*apps, name="r1", master=master, observability=seen), CODE)
     assert [one["metadata"]["namespace"] for one in objects] == places
     assert all((one["metadata"]["name"], one["data"]) == ("rosops-code", CODE) for one in objects)
