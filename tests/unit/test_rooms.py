@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 import rooms
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import pod_files
+from pod_code import modules
 
 PLUGINS = Path(__file__).resolve().parents[2] / "plugins"
 FULL = "ansible_collections.rosops.fleet.plugins"
@@ -25,7 +26,7 @@ def test_rooms_stand_on_those_that_were_named_before_them(table: dict[str, tuple
 
 
 def test_what_goes_into_pods() -> None:
-    assert {name.partition(".")[0] for name in app_files()} == {"run", *rooms.POD_ROOMS}
+    assert {name.partition(".")[0] for name in [*modules(), *pod_files()]} == {"run", "code", *rooms.POD_ROOMS}
 
 
 WRONG = {

@@ -26,31 +26,73 @@ COMMANDS = {
 LONG, LEFT_OUT = "keeper", ("_hashlib", "bz2", "lzma")
 COMPILED = "ROSOPS_COMPILED"
 ROOT = "rosops_fleet"
+ARCHIVE = "code.json.gz"  # of the modules: `_ros.gate` -> its source, as JSON; what is started by its path is beside it
+GZIP = 31  # zlib's word for it
+
+
+class Archive:
+    """Opened at the start, and read when the first module has to be compiled.
+
+    So whatever a process imports late is of the version that it was started with: a file that the kubelet replaces is
+    there for as long as it is open.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.file = os.open(path, os.O_RDONLY)
+        status = os.fstat(self.file)
+        self.version = status.st_mtime_ns + status.st_size  # a compiled module keeps 32 bits of it
+        self.sources: dict[str, str] = {}
+
+    def source(self, module: str) -> str | None:
+        """Of a module, as `_ros.gate`; none of what is beside it."""
+        if not self.sources:
+            # not needed by a start that finds all compiled
+            import json  # noqa: PLC0415
+            import zlib  # noqa: PLC0415
+
+            with open(self.file, "rb") as file:  # noqa: PTH123
+                self.sources = json.loads(zlib.decompress(file.read(), GZIP))
+        return self.sources.get(module)
 
 
 class Loader(SourceFileLoader):
-    """Knows whether a module had to be compiled, and what came of it was kept."""
+    """Takes a module's source out of the archive, and what was compiled from the disk.
+
+    Knows whether a module had to be compiled, and what came of it was kept.
+    """
 
     compiled = False
 
-    def set_data(self, path: str, data: bytes, *, _mode: int = 0o666) -> None:  # type: ignore[override] # of typing
-        super().set_data(path, data, _mode=_mode)
+    def __init__(self, name: str, path: str, archive: Archive) -> None:
+        super().__init__(name, path)
+        self.archive = archive
+
+    def path_stats(self, _path: str) -> dict[str, int | None]:
+        return {"mtime": self.archive.version, "size": None}
+
+    def get_data(self, path: str) -> bytes:
+        source = self.archive.source(self.name[len(ROOT) + 1 :]) if path == self.path else None
+        return super().get_data(path) if source is None else source.encode()
+
+    def set_data(self, path: str, data: bytes, *, _mode: int = 0) -> None:  # type: ignore[override] # of typing
+        super().set_data(path, data, _mode=0o644)
         Loader.compiled = Loader.compiled or os.path.exists(path)
 
 
-class Flat:
-    """Finds the module `_ros.gate` in the file `_ros.gate.py`: the keys of a ConfigMap know no directories."""
+class Rooms:
+    """Finds the module `_ros.gate` by a path that is mostly no file, `_ros.gate.py`; `_ros` is a directory."""
 
     def __init__(self, directory: str) -> None:
-        self.directory = directory
+        self.directory, self.archive = directory, Archive(f"{directory}/{ARCHIVE}")
 
     def find_spec(self, name: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
-        if name.partition(".")[0] != ROOT:
+        root, _dot, module = name.partition(".")
+        if root != ROOT:
             return None
-        file = f"{self.directory}/{name[len(ROOT) + 1 :]}.py"
-        if not os.path.exists(file):
+        if "." not in module:
             return ModuleSpec(name, None, is_package=True)
-        spec = ModuleSpec(name, Loader(name, file), origin=file)
+        file = f"{self.directory}/{module}.py"
+        spec = ModuleSpec(name, Loader(name, file, self.archive), origin=file)
         spec.has_location = True
         return spec
 
@@ -80,7 +122,7 @@ def main(words: list[str]) -> int:
     # The mount is read-only, so compiled modules go where the pod may write; a directory per user, as nobody else's is
     # to be trusted.
     sys.pycache_prefix = f"/tmp/rosops-fleet-{os.getuid()}/pycache"  # noqa: S108
-    sys.meta_path.append(Flat(directory))
+    sys.meta_path.append(Rooms(directory))
     if words[1] == LONG:
         leave_out()
     module = importlib.import_module(f"{ROOT}.{COMMANDS[words[1]]}")

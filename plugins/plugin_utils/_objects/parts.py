@@ -6,7 +6,7 @@ What they run, and what the ROS graph must show when all of it is up.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from ...module_utils._common.documents import Variables
@@ -17,7 +17,8 @@ from .._model.app import USUAL, App
 from .._model.context import Robot
 from .app import app_deployment, app_objects
 from .belongings import belongings
-from .code_files import app_files, code_maps
+from .code_files import code_maps, pod_files
+from .common import Files
 from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
 from .pod_settings import full_name
@@ -26,7 +27,7 @@ from .rights import keeper_access
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
 
 # Read once in Ansible's main process, which imports the actions: the workers of all robots have it then.
-CODE = app_files()
+CODE = pod_files()
 
 
 def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Collection[str] = ()) -> tuple[str, ...]:
@@ -40,7 +41,7 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 
 
 def ground_objects(
-    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Mapping[str, str]
+    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Files
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 

@@ -15,6 +15,7 @@ from .._kube.applied import Applied
 from .._kube.running import Known
 from .._model import names
 from .._model.context import Robot, master_namespace, master_uri
+from .._objects.common import Files
 from .._objects.namespace import needs_fleet_namespace
 from .._objects.parts import PARTS, READY
 from .._objects.pod_settings import promised
@@ -53,7 +54,7 @@ class Settings:
     rate_tolerance: float = 0.1
     rate_seconds: float = 1.0
     check: bool = False
-    code: Mapping[str, str] = field(default_factory=dict)  # what runs in the pods, file name -> content
+    code: Files = field(default_factory=dict)  # what runs in the pods
     parts: Collection[str] = tuple(part for part in PARTS if part != READY)
     pull_secrets: Sequence[Mapping[str, object]] = ()  # items of robot_namespace_pull_secrets
     remove_claims: Sequence[str] = ()  # names of volumes whose claims go, with their data

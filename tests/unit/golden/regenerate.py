@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-CODE = {"run.py": "# stands for the code\n"}
+CODE = {"run.py": "# stands for the code\n", "code.json.gz": b"stands for more"}
 HERE = Path(__file__).resolve().parent
 BASE = "minimal"
 ROOM = 120  # characters, beside the indentation and the path
