@@ -170,7 +170,7 @@ def keepers_nodes(uri: str) -> Look:
 
 
 def exporter(uri: str) -> Look:
-    """A poll of the exporter, which asks every node."""
+    """A poll for the metrics, which asks every node."""
     observer, memory = Observer(uri, 5.0), [History()]
 
     def poll() -> None:

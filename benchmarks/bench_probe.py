@@ -28,10 +28,10 @@ sys.path[:0] = [
     *(str(CHECKOUT / "tests" / name) for name in ("ros", "tools")),
 ]
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files  # noqa: E402
 from at_rest import measure as measure_rest  # noqa: E402 - found through the lines above
 from at_rest import report, verdict  # noqa: E402
 from exporter_scene import ExporterScene  # noqa: E402
+from pod_code import write_code  # noqa: E402
 from scene import PYTHON, Scene, until  # noqa: E402
 
 PUBLISHED = CHECKOUT / "benchmarks" / "update" / "results" / "at_rest.json"
@@ -51,8 +51,7 @@ class Pod:
         self.hooks = scene.directory / "hooks"
         self.hooks.mkdir()
         self.given = "{}"
-        for file, text in app_files().items():
-            (self.hooks / file).write_text(text)
+        write_code(self.hooks)
 
     def settings(self, contract: dict[str, Any] | None = None, **changes: Any) -> None:
         self.given = json.dumps({**SETTINGS, "node": "/bench", **changes})

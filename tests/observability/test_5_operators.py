@@ -33,7 +33,7 @@ def test_update_shows_under_one_id(fleet: Watched) -> None:
     [event] = [one for one in json.loads(fleet.record(MEMBER))["updates"] if one["app"] == APP]
     assert event["outcome"] == "updated"
     info = f'robot_update_info{{robot="{MEMBER}",app="{APP}",id="{event["id"]}"}}'
-    line = f'{{robot="{MEMBER}",app="ros-exporter"}} |= `{event["id"]}` | json'
+    line = f'{{robot="{MEMBER}",app="ros-keeper"}} |= `{event["id"]}` | json'
 
     def metric() -> list[Any]:
         return [one for one in fleet.prometheus.instant(info) if one["metric"]["outcome"] == "updated"]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The exporter as its pod runs it, beside a master and nodes on loopback; and what a scrape of it shows."""
+"""What shows the metrics, as its pod runs it, beside a master and nodes on loopback; and what a scrape of it shows."""
 
 from __future__ import annotations
 
-import os
 import subprocess
 import time
 import urllib.request
@@ -11,9 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
-from scene import PYTHON, Scene, free_port, until
+from scene import Scene, free_port, until
+
+
+def looking(interval: float, timeout: float) -> tuple[str, ...]:
+    """Options: seconds between two looks, and for a node's answers."""
+    return ("--interval", f"{interval:g}", "--timeout", f"{timeout:g}")
 
 
 class Metrics:
@@ -48,17 +51,17 @@ class ExporterScene(Scene):
         self.exporter_port = free_port()
 
     def start_exporter(self, *options: str, interval: float = 1.0, timeout: float = 1.0) -> subprocess.Popen[bytes]:
-        code = self.directory / "exporter"
-        code.mkdir(exist_ok=True)
-        for name, text in exporter_files().items():
-            (code / name).write_text(text)
-        process = self._start(
-            "exporter",
-            *("/usr/bin/env", "MALLOC_ARENA_MAX=1", os.environ.get("EXPORTER_PYTHON", PYTHON), "-I", "-S"),
-            *(str(code / "run.py"), "exporter", "--address", "127.0.0.1", "--port", str(self.exporter_port)),
-            *("--interval", f"{interval:g}", "--timeout", f"{timeout:g}", *options),
+        """As beside an external master: it keeps nothing, and so leaves the graph alone."""
+        process = self.start_code(
+            "keeper", "--keep", "off", "--port", str(self.exporter_port), *looking(interval, timeout), *options
         )
         until("a scrape", self.scrape)
+        return process
+
+    def start_keeper_shown(self) -> subprocess.Popen[bytes]:
+        """A keeper that shows its graph, too."""
+        process = self.start_keeper(*looking(1.0, 1.0))
+        self.exporter_port = self.keeper_port
         return process
 
     def scrape(self) -> Metrics:
@@ -94,3 +97,11 @@ class ExporterScene(Scene):
         before: Mapping[str, Any] = [line for line in self.log(name) if line["at"] <= at][-1]
         part = (at - before["at"]) / (after["at"] - before["at"])
         return float(before["count"] + part * (after["count"] - before["count"]))
+
+
+def zipped_scrape(scene: ExporterScene) -> int:
+    """As Prometheus asks; the bytes that came."""
+    url = f"http://127.0.0.1:{scene.exporter_port}/metrics"
+    request = urllib.request.Request(url, headers={"Accept-Encoding": "gzip"})  # noqa: S310
+    with urllib.request.urlopen(request, timeout=10) as reply:  # noqa: S310
+        return len(reply.read())

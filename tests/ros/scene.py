@@ -23,7 +23,7 @@ import pytest
 from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from pod_code import write_code
 from started import kill, marked
 
 NODES = Path(__file__).with_name("nodes.py")
@@ -94,8 +94,7 @@ class Scene:
         """A command of what runs in pods, as their objects start it."""
         code = self.directory / "hooks"
         code.mkdir(exist_ok=True)
-        for name, text in app_files().items():
-            (code / name).write_text(text)
+        write_code(code)
         python = ("/usr/bin/env", "MALLOC_ARENA_MAX=1", os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S")
         return self._start(word, *python, str(code / "run.py"), word, *options)
 

@@ -14,7 +14,7 @@ from typing import Any
 from unittest.mock import ANY
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from pod_code import write_code
 from scene import PYTHON, SUCCEEDED, Scene, until
 
 SETTINGS = {
@@ -34,8 +34,7 @@ class Pod:
         self.revision, self.template = "0a1b2c3d", ""
         self.hooks = scene.directory / f"pod_{name}" / "hooks"
         self.hooks.mkdir(parents=True)
-        for file, text in app_files().items():
-            (self.hooks / file).write_text(text)
+        write_code(self.hooks)
         self.settings = json.dumps({**SETTINGS, "node": f"/{name}", **settings})
 
     def owe(self, **contract: Any) -> None:

@@ -23,8 +23,8 @@ HOST_ROOMS: dict[str, tuple[str, ...]] = {
     "_ros": ("_common",),
     "_step": ("_common", "_ros"),
     "_pod": ("_common", "_ros", "_step"),
-    "_robot": ("_common", "_ros", "_step", "_pod"),
     "_exporter": ("_common", "_ros"),
+    "_robot": ("_common", "_ros", "_step", "_pod", "_exporter"),
     "_host": ("_common", "_ros", "_step"),
     "_rehearsal": (),
 }
@@ -47,7 +47,14 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_rehearsal": (),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
-POD_ROOMS = ("_common", "_ros", "_step", "_pod", "_robot")  # all that is in `rosops-code`; in a pod is no Ansible
+POD_ROOMS = (
+    "_common",
+    "_ros",
+    "_step",
+    "_pod",
+    "_exporter",
+    "_robot",
+)  # what is in `rosops-code`; in a pod is no Ansible
 # What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
 ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_rehearsal/stand_in": ("rospy", "genpy")}
 

@@ -21,14 +21,17 @@ def robot(
 ) -> Robot:
     """A robot with these items of ros_apps; `master` is ros_master_*.
 
-    What else is given is robot_namespace_*, or update_* where it begins so.
+    What else is given is robot_namespace_*, but for `observability`, and for update_* where it begins so.
     """
     variables = {
         "robot_mode": mode,
         "ros_apps": list(apps),
         "persistent_storage": {"volumes": list(volumes)},
         **{f"ros_master_{key}": value for key, value in (master or {}).items()},
-        **{key if key.startswith("update_") else f"robot_namespace_{key}": value for key, value in more.items()},
+        **{
+            key if key.startswith(("update_", "observability")) else f"robot_namespace_{key}": value
+            for key, value in more.items()
+        },
     }
     return Robot.from_variables(variables, name)
 

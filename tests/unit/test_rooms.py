@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 import rooms
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files, exporter_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import pod_files
+from pod_code import modules
 
 PLUGINS = Path(__file__).resolve().parents[2] / "plugins"
 FULL = "ansible_collections.rosops.fleet.plugins"
@@ -25,8 +26,7 @@ def test_rooms_stand_on_those_that_were_named_before_them(table: dict[str, tuple
 
 
 def test_what_goes_into_pods() -> None:
-    assert {name.partition(".")[0] for name in app_files()} == {"run", *rooms.POD_ROOMS}
-    assert {name.partition(".")[0] for name in exporter_files()} == {"run", "_common", "_ros", "_exporter"}
+    assert {name.partition(".")[0] for name in [*modules(), *pod_files()]} == {"run", "code", *rooms.POD_ROOMS}
 
 
 WRONG = {
@@ -39,8 +39,8 @@ WRONG = {
         "plugins/module_utils/_common/poll.py: imports plugins.module_utils._ros.gate; _common stands on nothing",
     ),
     "two that do not know each other": (
-        {"module_utils/_host/k3s.py": "from .._exporter.server import serve\n"},
-        "plugins/module_utils/_host/k3s.py: imports plugins.module_utils._exporter.server.serve; "
+        {"module_utils/_host/k3s.py": "from .._exporter.exporter import say\n"},
+        "plugins/module_utils/_host/k3s.py: imports plugins.module_utils._exporter.exporter.say; "
         "_host stands on _common _ros _step",
     ),
     "upward on the control node": (

@@ -10,9 +10,10 @@ from .panels import LOKI, SCHEMA_VERSION, Json, label_variable, placed, source_v
 PREFIX = "rosops-"
 HEIGHTS = {"stat": 4, "timeseries": 8, "state-timeline": 8, "table": 9, "logs": 12}
 
-# The exporter prints a line for each outcome of an update. Its `app` is the updated one, the stream's is the exporter.
+# The keeper prints a line for each outcome of an update; of an earlier collection a pod of its own does. Its `app` is
+# the updated one, the stream's is the pod's.
 UPDATE_LINES = (
-    '{app="ros-exporter", robot=~"$robot"} |= "update"'
+    '{app=~"ros-keeper|ros-exporter", robot=~"$robot"} |= `"event": "update"`'
     ' | json event="event", id="id", updated="app", outcome="outcome", reason="reason", from="from", to="to"'
     ' | event="update"'
 )

@@ -7,6 +7,7 @@ and one message of an action's status topic.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ AT_ONCE = 8  # nodes, or launch files, asked at the same time
 # Both in parts of the interval. A scrape that comes as a poll ends gets sometimes the new counts and sometimes the old
 # ones, and a rate over some minutes jumps. So polls keep away from scrapes, which come at the same interval.
 NEAR, SHIFT = 0.15, 0.3
+WANTED = 150.0  # seconds after a scrape, which come twice as often; without another one the graph is left alone
 STUCK = 600.0  # without a poll for so long, something is wrong with the exporter itself
 
 
@@ -147,54 +149,92 @@ def too_near(last: float, due: float, at: float, interval: float) -> bool:
 
 
 class Poller(threading.Thread):
-    """Polls at its interval, in a thread of its own: a scrape takes the last `snapshot` and never waits."""
+    """Polls at its interval, for as long as somebody scrapes; a scrape takes the last `snapshot` and never waits.
 
-    def __init__(self, observer: Observer, interval: float, updates: Updates, tell: Callable[[str], None]) -> None:
+    Its thread is its own: what goes wrong here is told once, and delays nobody.
+    """
+
+    def __init__(
+        self,
+        observer: Observer,
+        interval: float,
+        updates: Updates,
+        tell: Callable[[str], None],
+        say: Callable[[str], None],
+    ) -> None:
+        """`tell` gets what goes wrong, `say` the lines of updates, which others read."""
         super().__init__(daemon=True, name="poller")
-        self.observer, self.interval, self.updates, self.tell = observer, interval, updates, tell
+        self.observer, self.interval, self.updates, self.tell, self.say = observer, interval, updates, tell, say
         self.memory = History()
         self.snapshot = Snapshot(errors=dict(self.memory.errors))
         self.last = self.due = time.monotonic()
-        self.shifted = False
+        self.asked = -math.inf  # when somebody scraped last
+        self.asleep = self.shifted = False
+        self.wrong = ""
         self.wake = threading.Condition()
 
     def run(self) -> None:
         while True:
-            self.poll()
-            with self.wake:
-                now = time.monotonic()
-                self.last = now
-                self.due = max(self.due + self.interval, now)
-                while True:
-                    left = self.due + (SHIFT * self.interval if self.shifted else 0.0) - time.monotonic()
-                    if left <= 0:
-                        break
-                    self.wake.wait(left)
-                if self.shifted:
-                    self.due += SHIFT * self.interval
-                self.shifted = False
+            self.rest()
+            try:
+                self.poll()
+                self.wrong = ""
+            except Exception as error:  # a mistake of ours: the next poll may do
+                told, self.wrong = self.wrong, f"{type(error).__name__}: {error}"
+                if self.wrong != told:
+                    self.tell(f"no metrics of the graph: {self.wrong}")
+            self.pause()
+
+    def rest(self) -> None:
+        """Until somebody scrapes. What was seen before that is not known any more."""
+        with self.wake:
+            if self.is_wanted():
+                return
+            self.snapshot, self.asleep = replace(self.snapshot, ros=GraphMetrics()), True
+            self.wake.wait_for(self.is_wanted)
+            self.asleep, self.shifted = False, False
+            self.last = self.due = time.monotonic()
+
+    def pause(self) -> None:
+        """Until the next poll is due."""
+        with self.wake:
+            now = time.monotonic()
+            self.last = now
+            self.due = max(self.due + self.interval, now)
+            while True:
+                left = self.due + (SHIFT * self.interval if self.shifted else 0.0) - time.monotonic()
+                if left <= 0:
+                    break
+                self.wake.wait(left)
+            if self.shifted:
+                self.due += SHIFT * self.interval
+            self.shifted = False
+
+    def is_wanted(self) -> bool:
+        """Whether somebody has scraped lately."""
+        return time.monotonic() - self.asked < WANTED
 
     def scraped(self) -> None:
         """Somebody took the snapshot now."""
         with self.wake:
-            if self.snapshot.polls and too_near(self.last, self.due, time.monotonic(), self.interval):
+            self.asked = now = time.monotonic()
+            if self.asleep:
+                self.wake.notify()
+            elif self.snapshot.polls and too_near(self.last, self.due, now, self.interval):
                 self.shifted = True
                 self.wake.notify()
 
     def healthy(self) -> bool:
         """Whether polls come to an end."""
-        return time.monotonic() - self.last < STUCK + self.interval
+        return self.asleep or time.monotonic() - self.last < STUCK + self.interval
 
     def poll(self) -> None:
         """One look, and a new snapshot."""
         began, at = time.monotonic(), time.time()
         ros, self.memory = self._look()
         for line in self.updates.read(time.time()):
-            self.tell(line)
-        before = self.snapshot.ros.master
+            self.say(line)
         self.snapshot = Snapshot(ros, self.memory.errors, self.memory.polls, time.monotonic() - began, at)
-        if ros.master != before:
-            self.tell(f"the ROS master at {self.observer.uri} {'answers' if ros.master else 'does not answer'}")
 
     def _look(self) -> tuple[GraphMetrics, History]:
         try:

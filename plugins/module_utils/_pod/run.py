@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|stop|sidecar|keeper|exporter`.
+"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|stop|sidecar|keeper`.
 
 Nothing more than the way to the command's own module, because a script, unlike a module, is compiled at every start.
 """
@@ -20,45 +20,86 @@ COMMANDS = {
     "stop": "_pod.stop",
     "sidecar": "_pod.sidecar",
     "keeper": "_robot.main",
-    "exporter": "_exporter.main",
 }
 # Who lives long, and what modules of the standard library load there if they can, and nobody needs: OpenSSL of hashlib,
-# what shutil packs archives with, and TLS of http.client where no Kubernetes API is asked. 5 MB.
-LEFT_OUT = {"keeper": ("_hashlib", "bz2", "lzma"), "exporter": ("ssl", "_hashlib", "bz2", "lzma")}
+# and what shutil packs archives with.
+LONG, LEFT_OUT = "keeper", ("_hashlib", "bz2", "lzma")
 COMPILED = "ROSOPS_COMPILED"
 ROOT = "rosops_fleet"
+ARCHIVE = "code.json.gz"  # of the modules: `_ros.gate` -> its source, as JSON; what is started by its path is beside it
+GZIP = 31  # zlib's word for it
+
+
+class Archive:
+    """Opened at the start, and read when the first module has to be compiled.
+
+    So whatever a process imports late is of the version that it was started with: a file that the kubelet replaces is
+    there for as long as it is open.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.file = os.open(path, os.O_RDONLY)
+        status = os.fstat(self.file)
+        self.version = status.st_mtime_ns + status.st_size  # a compiled module keeps 32 bits of it
+        self.sources: dict[str, str] = {}
+
+    def source(self, module: str) -> str | None:
+        """Of a module, as `_ros.gate`; none of what is beside it."""
+        if not self.sources:
+            # not needed by a start that finds all compiled
+            import json  # noqa: PLC0415
+            import zlib  # noqa: PLC0415
+
+            with open(self.file, "rb") as file:  # noqa: PTH123
+                self.sources = json.loads(zlib.decompress(file.read(), GZIP))
+        return self.sources.get(module)
 
 
 class Loader(SourceFileLoader):
-    """Knows whether a module had to be compiled, and what came of it was kept."""
+    """Takes a module's source out of the archive, and what was compiled from the disk.
+
+    Knows whether a module had to be compiled, and what came of it was kept.
+    """
 
     compiled = False
 
-    def set_data(self, path: str, data: bytes, *, _mode: int = 0o666) -> None:  # type: ignore[override] # of typing
-        super().set_data(path, data, _mode=_mode)
+    def __init__(self, name: str, path: str, archive: Archive) -> None:
+        super().__init__(name, path)
+        self.archive = archive
+
+    def path_stats(self, _path: str) -> dict[str, int | None]:
+        return {"mtime": self.archive.version, "size": None}
+
+    def get_data(self, path: str) -> bytes:
+        source = self.archive.source(self.name[len(ROOT) + 1 :]) if path == self.path else None
+        return super().get_data(path) if source is None else source.encode()
+
+    def set_data(self, path: str, data: bytes, *, _mode: int = 0) -> None:  # type: ignore[override] # of typing
+        super().set_data(path, data, _mode=0o644)
         Loader.compiled = Loader.compiled or os.path.exists(path)
 
 
-class Flat:
-    """Finds the module `_ros.gate` in the file `_ros.gate.py`: the keys of a ConfigMap know no directories."""
+class Rooms:
+    """Finds the module `_ros.gate` by a path that is mostly no file, `_ros.gate.py`; `_ros` is a directory."""
 
     def __init__(self, directory: str) -> None:
-        self.directory = directory
+        self.directory, self.archive = directory, Archive(f"{directory}/{ARCHIVE}")
 
     def find_spec(self, name: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
-        if name.partition(".")[0] != ROOT:
+        root, _dot, module = name.partition(".")
+        if root != ROOT:
             return None
-        file = f"{self.directory}/{name[len(ROOT) + 1 :]}.py"
-        if not os.path.exists(file):
+        if "." not in module:
             return ModuleSpec(name, None, is_package=True)
-        spec = ModuleSpec(name, Loader(name, file), origin=file)
+        file = f"{self.directory}/{module}.py"
+        spec = ModuleSpec(name, Loader(name, file, self.archive), origin=file)
         spec.has_location = True
         return spec
 
 
-def leave_out(names: tuple[str, ...]) -> None:
+def leave_out() -> None:
     modules: dict[str, object] = sys.modules  # type: ignore[assignment]
-    modules.update(dict.fromkeys(names))
+    modules.update(dict.fromkeys(LEFT_OUT))
     # http.server takes one function of html, which brings the names of two thousand characters along, 0.6 MB
     modules["html.entities"] = entities = ModuleType("html.entities")
     entities.html5 = {}  # type: ignore[attr-defined]
@@ -76,19 +117,16 @@ def main(words: list[str]) -> int:
         return 2
     # not the real path: a ConfigMap's files are links, and the other files are where they appear
     directory = os.path.dirname(os.path.abspath(words[0]))
-    if words[1] in LEFT_OUT and sys.flags.optimize < 2:
+    if words[1] == LONG and sys.flags.optimize < 2:
         begin_anew(words)  # without the texts that explain the standard library, 0.6 MB
     # The mount is read-only, so compiled modules go where the pod may write; a directory per user, as nobody else's is
     # to be trusted.
     sys.pycache_prefix = f"/tmp/rosops-fleet-{os.getuid()}/pycache"  # noqa: S108
-    sys.meta_path.append(Flat(directory))
-    if words[1] == "exporter":
-        # its container has no place to write to
-        sys.dont_write_bytecode = True
-    if words[1] in LEFT_OUT:
-        leave_out(LEFT_OUT[words[1]])
+    sys.meta_path.append(Rooms(directory))
+    if words[1] == LONG:
+        leave_out()
     module = importlib.import_module(f"{ROOT}.{COMMANDS[words[1]]}")
-    if words[1] in LEFT_OUT and Loader.compiled and COMPILED not in os.environ:
+    if words[1] == LONG and Loader.compiled and COMPILED not in os.environ:
         # To compile leaves 5 MB of holes in the memory, which a process that finds all compiled has no use for.
         os.environ[COMPILED] = "yes"
         begin_anew(words)

@@ -2,6 +2,7 @@
 """The keeper's process: `run.py keeper --record DIRECTORY`, where it keeps its files.
 
 It is not replaced with the code in its ConfigMap: when that has changed, and nobody needs it, it begins anew by itself.
+Beside an external master it has `--keep off`: it shows metrics of the graph, and does nothing else.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import threading
 import time
 
 from .._common.errors import KubeError
+from .._exporter import exporter
 from .._ros.client import Ros1Client
 from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
@@ -29,6 +31,7 @@ from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
 TIMEOUT = 2.0
+PAUSE = 5.0  # seconds between two looks at its code, where it has nothing else to do
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended
@@ -47,6 +50,8 @@ def options(words: list[str]) -> dict[str, str]:
         "--port": str(KEEPER_PORT),
         "--goal-forwarding": "on",
         "--account": ACCOUNT,
+        "--keep": "on",
+        **exporter.OPTIONS,
     }
     for name, value in zip(words[::2], words[1::2]):
         if name not in found:
@@ -69,16 +74,32 @@ def code_of(script: str) -> str:
         return ""
 
 
+def show_metrics(slave: Slave, shown: exporter.Exporter, code: str) -> int:
+    """And keep nothing, until it is told to end, or its code has changed."""
+    slave.show("/ready", lambda _asked: Said(200))
+    slave.start()
+    shown.start()
+    tell(f"keeps nothing; metrics of {slave.master_uri} at {slave.uri}")
+    while not told_to_end(PAUSE):
+        if code_of(sys.argv[0]) != code:
+            return ANEW
+    return 0
+
+
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
     signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
     threading.stack_size(STACK)
     chosen, code = options(words), code_of(sys.argv[0])
-    kept = KeptFiles(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-    ros = Registrar(uri, TIMEOUT, NAME)
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
+    shown = exporter.Exporter(uri, chosen, tell)
+    for path, page in shown.pages.items():
+        slave.show(path, page)
+    if chosen["--keep"] == "off":
+        return show_metrics(slave, shown, code)
+    kept, ros = KeptFiles(chosen["--record"]), Registrar(uri, TIMEOUT, NAME)
     keeper = Keeper(ros, kept, tell, uri=slave.uri)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))
@@ -99,6 +120,7 @@ def main(words: list[str]) -> int:
     latched.resume()
     slave.register({"keep_latched": latched.keep})
     slave.start()
+    shown.start()
     watch = None
     if cluster:
         robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence)

@@ -27,7 +27,7 @@ POLL = 1.0  # between looks at whether it is to stop
 
 
 class Asked(NamedTuple):
-    """A request that is no XML-RPC. `path` has no query, `method` is in capitals, names of headers in small letters."""
+    """A request that is no XML-RPC. `path` has no query, `method` is in capitals, headers are named `Content-Type`."""
 
     method: str
     path: str
@@ -87,7 +87,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
     def _asked(self) -> Asked:
         path, _mark, query = self.path.partition("?")
-        headers = {name.lower(): value for name, value in self.headers.items()}
+        headers = {name.title(): text for name, text in self.headers.items()}
         return Asked(self.command, path, dict(parse_qsl(query)), headers, self.rfile.read(self._size()))
 
     def _size(self) -> int:

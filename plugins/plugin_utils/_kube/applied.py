@@ -13,8 +13,10 @@ not name, was put there by hand. What we do name is compared by its value, whoev
 from __future__ import annotations
 
 import json
+from base64 import b64decode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 from ...module_utils._common.documents import Result
@@ -66,10 +68,22 @@ def diff_of(written: Sequence[Applied]) -> list[Result]:
     words.pop("", None)
     headers = ({"before_header": str(one.ref), "after_header": str(one.ref)} for one in written)
     return [
-        {**header, "before": without(one.before or "", words), "after": without(one.after or "", words)}
+        {**header, "before": without(_readable(one.before), words), "after": without(_readable(one.after), words)}
         for one, header in zip(written, headers)
         if one.changed
     ]
+
+
+def _readable(obj: Object | None) -> Any:
+    """With bytes by their number and hash."""
+    held = (obj or {}).get("binaryData")
+    if not obj or not held:
+        return obj or ""
+    told = {
+        key: f"{len(b64decode(text))} bytes, SHA-256 {sha256(b64decode(text)).hexdigest()}"
+        for key, text in held.items()
+    }
+    return {**obj, "binaryData": told}
 
 
 # --- who set which fields ---------------------------------------------------------------------------------------------

@@ -40,6 +40,19 @@ class MasterSettings:
 
 
 @dataclass(frozen=True)
+class Observability:
+    """What the robot's own pods have to know of the variable `observability`; the rest of it is the cluster's."""
+
+    enabled: bool = False
+    ros_metrics: bool = True
+
+    @property
+    def sees_graph(self) -> bool:
+        """Whether the robot's graph is to be seen by its cluster's stack."""
+        return self.enabled and self.ros_metrics
+
+
+@dataclass(frozen=True)
 class Robot:
     """One robot. `pull_secrets` are names of Secrets; what is in them stays in the inventory.
 
@@ -59,6 +72,7 @@ class Robot:
     pull_secrets: tuple[str, ...] = ()
     when: When = ()
     windows: Windows = ALWAYS
+    observability: Observability = Observability()
 
     @classmethod
     def from_variables(cls, variables: Variables, name: str) -> Robot:
@@ -87,6 +101,7 @@ class Robot:
                 "pod_security": variable("robot_namespace_pod_security"),
                 "pull_secrets": [secret["name"] for secret in variable("robot_namespace_pull_secrets") or ()],
                 "when": variable("update_when"),
+                "observability": variable("observability"),
                 "windows": {"spans": variable("update_windows"), "zone": variable("update_timezone")},
             },
         )
@@ -126,6 +141,11 @@ def master_uri(robot: Robot) -> str:
 def keeper_uri(robot: Robot) -> str | None:
     """Where pods find the keeper of their master; an external master has none."""
     return None if robot.master.mode == "external" else _service_uri(robot, names.KEEPER_NAME, names.KEEPER_PORT)
+
+
+def has_keeper_pod(robot: Robot) -> bool:
+    """Whether there is a pod of the keeper: beside an external master only where the graph is to be seen."""
+    return robot.master.mode != "external" or robot.observability.sees_graph
 
 
 def _service_uri(robot: Robot, name: str, port: int) -> str:

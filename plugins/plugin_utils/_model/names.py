@@ -33,6 +33,7 @@ CODE_DIR = "/opt/rosops-fleet/hooks"
 SIDECAR = "hooks"  # the container beside the app's where its image has no Python
 KEEPER_NAME = words.KEEPER
 KEEPER_PORT = words.KEEPER_PORT
+EXPORTER_NAME = "ros-exporter"  # of earlier collections; its keeper does its work, and an update takes it away
 update_name = record_name
 
 

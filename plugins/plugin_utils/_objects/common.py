@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...module_utils._step.objects import Object
 from .._model import names
 
+Files = Mapping[str, str | bytes]  # name -> content
 REVISION_HISTORY = 3
 PROGRESS_DEADLINE = 300  # seconds
 RECREATE_STRATEGY = {"type": "Recreate"}
@@ -47,9 +49,11 @@ def made(
     return {"apiVersion": api, "kind": kind, "metadata": metadata, **body}
 
 
-def config_map(name: str, namespace: str, labels: Mapping[str, str], data: Mapping[str, str]) -> Object:
-    """A ConfigMap of text files, in order."""
-    return made("v1", "ConfigMap", name, namespace, labels, data=dict(sorted(data.items())))
+def config_map(name: str, namespace: str, labels: Mapping[str, str], files: Files) -> Object:
+    """A ConfigMap of files, in order."""
+    data = {key: text for key, text in sorted(files.items()) if isinstance(text, str)}
+    packed = {key: b64encode(held).decode() for key, held in sorted(files.items()) if isinstance(held, bytes)}
+    return made("v1", "ConfigMap", name, namespace, labels, data=data, **({"binaryData": packed} if packed else {}))
 
 
 def cluster_service(name: str, namespace: str, robot: str | None, port: int, address: str | None = None) -> Object:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...module_utils._common.documents import Variables
+from ...module_utils._exporter.exporter import HEALTHY
 from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.context import Robot
@@ -27,6 +28,7 @@ from .common import (
     variable,
     workload,
 )
+from .metrics import metrics_share
 from .pod_code import code_command, code_mount, code_volume
 from .security import ALL, harden
 
@@ -48,9 +50,10 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 
 UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
+KEEPS_NOTHING = ["--keep", "off"]  # a keeper beside an external master, which only shows its graph
 RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
-# Measured with 20 nodes: 0.3 % of a core and 24 MB; the limits leave room for a hundred and for held goals.
-KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "128Mi"}}
+# Measured with ten nodes, and scraped: 0.4 % of a core and 25 MB; there is room for a hundred and for held goals.
+KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "192Mi"}}
 
 
 def master_objects(robot: Robot) -> list[Object]:
@@ -63,12 +66,21 @@ def ros_core_objects(robot: Robot) -> list[Object]:
 
     The overrides are the master's alone.
     """
+    if robot.master.mode == "external":
+        return []
     return _served(robot, plain_master(robot), robot.master.overrides, names.MASTER_PORT)
 
 
 def keeper_objects(robot: Robot) -> list[Object]:
-    """Deployment and Service of the keeper; nothing for an external master."""
-    return _served(robot, plain_keeper(robot), robot.master.keeper_overrides, names.KEEPER_PORT)
+    """Deployment and Service of the keeper.
+
+    Beside an external master it keeps nothing, and nobody calls it: it is a Deployment alone, and only where the graph
+    is to be seen.
+    """
+    if not context.has_keeper_pod(robot):
+        return []
+    made = _served(robot, plain_keeper(robot), robot.master.keeper_overrides, names.KEEPER_PORT)
+    return made[:1] if robot.master.mode == "external" else made
 
 
 def plain_master(robot: Robot) -> Object:
@@ -90,26 +102,37 @@ def plain_master(robot: Robot) -> Object:
 
 def plain_keeper(robot: Robot) -> Object:
     """The Deployment before the overrides."""
-    # asked of its XML-RPC server, which answers while its look at the master goes on: no process, next to no CPU
-    probe = {"httpGet": {"path": "/ready", "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
+    keeps, shown = robot.master.mode != "external", metrics_share(robot)
     forwarding = () if robot.master.goal_forwarding else ("--goal-forwarding", "off")
+    words = ["--record", RECORD_DIR, *forwarding] if keeps else KEEPS_NOTHING
+    # asked of its server, which answers while its look at the master goes on: no process, next to no CPU
+    probe = _asked("/ready")
     container = {
         "name": names.KEEPER_NAME,
         "image": robot.master.image,
         "imagePullPolicy": "IfNotPresent",
-        "command": [*code_command("keeper"), "--record", RECORD_DIR, *forwarding],
+        "command": [*code_command("keeper"), *words, *shown.words],
         "env": master_environment(robot),
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": KEEPERS,
-        "volumeMounts": [code_mount(), mount(RECORD_VOLUME, RECORD_DIR)],
+        **shown.security,
+        "volumeMounts": [code_mount(), *([mount(RECORD_VOLUME, RECORD_DIR)] if keeps else ()), *shown.mounts],
         # until it has read the whole graph, for which its master has to be there
         "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": FOR_EVER},
         "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
+        # one that keeps nothing loses nothing by a restart
+        **({} if keeps else {"livenessProbe": {**_asked(HEALTHY), "periodSeconds": 60, "failureThreshold": 3}}),
     }
     # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
     record = {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}
-    account: Object = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True}
-    return with_the_master(robot, names.KEEPER_NAME, container, [code_volume(), record], grace=10, **account)
+    volumes = [code_volume(), *([record] if keeps else ()), *shown.volumes]
+    account: Object = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True} if keeps else {}
+    notes = shown.annotations
+    return with_the_master(robot, names.KEEPER_NAME, container, volumes, grace=10, annotations=notes, **account)
+
+
+def _asked(path: str) -> Object:
+    return {"httpGet": {"path": path, "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
 
 
 def master_environment(robot: Robot) -> list[Object]:
@@ -130,8 +153,8 @@ def with_the_master(  # noqa: PLR0913 - the parts in which these Deployments dif
 ) -> Object:
     """The Deployment of a pod that is where the robot's ROS master is. `grace` is in seconds.
 
-    One goes before the next comes: two masters would split the graph, two keepers would each forward the goals that
-    they hold, and two exporters would show every series twice.
+    One goes before the next comes: two masters would split the graph, and two keepers would each forward the goals that
+    they hold, and show every series twice.
     """
     selector = node_selector(robot.master.placement, robot.name)
     spec = pod_spec(
@@ -142,12 +165,10 @@ def with_the_master(  # noqa: PLR0913 - the parts in which these Deployments dif
 
 
 def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
-    """A Deployment with its overrides, and the Service in front of it; nothing for an external master.
+    """A Deployment with its overrides, and the Service in front of it.
 
-    Our own code needs nothing of its host, and gets no more.
+    Our own code gets no more of its host than it asks for.
     """
-    if robot.master.mode == "external":
-        return []
     deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
     ours = {container["name"] for container in plain["spec"]["template"]["spec"]["containers"]}
     for container in deployment["spec"]["template"]["spec"]["containers"]:

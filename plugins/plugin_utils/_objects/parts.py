@@ -6,7 +6,7 @@ What they run, and what the ROS graph must show when all of it is up.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from ...module_utils._common.documents import Variables
@@ -17,8 +17,9 @@ from .._model.app import USUAL, App
 from .._model.context import Robot
 from .app import app_deployment, app_objects
 from .belongings import belongings
-from .code_files import app_files, code_maps
-from .master import master_objects
+from .code_files import code_maps, pod_files
+from .common import Files
+from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
 from .pod_settings import full_name
 from .rights import keeper_access
@@ -26,7 +27,7 @@ from .rights import keeper_access
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
 
 # Read once in Ansible's main process, which imports the actions: the workers of all robots have it then.
-CODE = app_files()
+CODE = pod_files()
 
 
 def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Collection[str] = ()) -> tuple[str, ...]:
@@ -40,11 +41,12 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 
 
 def ground_objects(
-    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Mapping[str, str]
+    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Files
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 
-    These are namespace, Secrets, claims, the code in the pods, the files of versions to come, and apps' Services.
+    These are namespace, Secrets, claims, the code in the pods, the files of versions to come, apps' Services, and what
+    only shows the graph of an external master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """
@@ -59,12 +61,14 @@ def ground_objects(
         found += code_maps(robot, code)
     if APPS in parts:
         found += belongings(robot)
+    if MASTER in parts and robot.master.mode == "external":
+        found += keeper_objects(robot)
     return found
 
 
 def workload_objects(robot: Robot, parts: Collection[str]) -> list[Object]:
     """What runs, with its Services."""
-    made = master_objects(robot) if MASTER in parts else []
+    made = master_objects(robot) if MASTER in parts and robot.master.mode != "external" else []
     return [*made, *(app_objects(robot) if APPS in parts else [])]
 
 

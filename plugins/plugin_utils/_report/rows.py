@@ -11,11 +11,10 @@ from .._model import names
 from .._model.formats import quantity_value
 from .._model.keys import plain
 from .._model.outcomes import BUSY, OFFLINE
-from .._objects.exporter import NAME as EXPORTER_NAME
 
 SHARED = "(shared)"  # whose the graph of a shared master is, and an app of the whole fleet
 NAMED = 6  # a line has no room for the names of a whole fleet
-HELPERS = frozenset({names.KEEPER_NAME, EXPORTER_NAME})  # beside each master; nobody has written them into an inventory
+HELPERS = frozenset({names.KEEPER_NAME, names.EXPORTER_NAME})  # beside a master; no inventory has them
 OURS = frozenset({"site.yml", "update.yml", "rollback.yml"})  # playbooks that a user may run again by their name
 
 

@@ -15,11 +15,11 @@ from urllib.parse import urlsplit
 
 from .._model import context, names
 from .._model.context import Robot
-from .._objects.exporter import NAME as EXPORTER_NAME
+from .._objects.master import KEEPS_NOTHING
 from .world import Live, Object
 
 NAMES = (names.MASTER_NAME, names.KEEPER_NAME)
-SERVING = (*NAMES, EXPORTER_NAME)  # what only serves the apps
+SERVING = (*NAMES, names.EXPORTER_NAME)  # what only serves the apps
 # as collections before 1.0 told it to pods
 BY_NAME = {names.MASTER_NAME: "robot", f"{names.MASTER_NAME}.{names.FLEET_NAMESPACE}": "shared"}
 
@@ -78,10 +78,15 @@ def _told(place: str, live: Live) -> dict[str, str]:
 
 
 def _environments(live: Live) -> Iterator[tuple[tuple[str, str], Mapping[str, str]]]:
-    """Namespace and name of each Deployment with the variables of each of its containers."""
+    """Namespace and name of each Deployment with the variables of each of its containers.
+
+    What only shows the graph of an external master says nothing of a master in the cluster.
+    """
     for item in live.deployments:
         pod: Object = item["spec"]["template"]["spec"]
         for container in [*pod["containers"], *(pod.get("initContainers") or [])]:
+            if KEEPS_NOTHING[0] in (container.get("command") or ()):
+                continue
             given = {one["name"]: str(one.get("value", "")) for one in container.get("env") or []}
             yield (item["metadata"]["namespace"], item["metadata"]["name"]), given
 

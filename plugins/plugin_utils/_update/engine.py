@@ -142,6 +142,7 @@ class Engine(Hands):
             self._plan()
             # a step changes what is the whole fleet's; to make what is not there is anybody's
             changed = [item for step in self.plan.steps if step.kind != INSTALL for item in step.objects]
+            changed += self.plan.remnants
             if any(item["metadata"].get("namespace") == names.FLEET_NAMESPACE for item in changed):
                 claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
                 self._plan()

@@ -15,6 +15,7 @@ from .._kube.applied import Applied
 from .._kube.running import Known
 from .._model import names
 from .._model.context import Robot, master_namespace, master_uri
+from .._objects.common import Files
 from .._objects.namespace import needs_fleet_namespace
 from .._objects.pod_settings import promised
 from .cluster import KubeCluster
@@ -52,7 +53,7 @@ class Settings:
     rate_tolerance: float = 0.1
     rate_seconds: float = 1.0
     check: bool = False
-    code: Mapping[str, str] = field(default_factory=dict)  # what runs in the pods, file name -> content
+    code: Files = field(default_factory=dict)  # what runs in the pods
     pull_secrets: Sequence[Mapping[str, object]] = ()  # items of robot_namespace_pull_secrets
     remove_claims: Sequence[str] = ()  # names of volumes whose claims go, with their data
     remove_confirm: bool = False
@@ -105,6 +106,9 @@ class Hands:
 
     @property
     def keeper(self) -> str:
+        """The address of the keeper; an external master has none, whatever is left of another one's."""
+        if self.robot.master.mode == "external":
+            return ""
         return self.live.service_uri(names.KEEPER_NAME, master_namespace(self.robot))
 
     # --- its cluster ------------------------------------------------------------------------------------------------

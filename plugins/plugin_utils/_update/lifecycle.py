@@ -16,10 +16,11 @@ from dataclasses import replace
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import app_of, handoff_of, node_of
 from .._model.context import Robot
+from .._objects.master import keeper_objects
 from .._objects.parts import APPS
 from .addresses import NAMES, SERVING
 from .plan import INSTALL, REMOVE, Plan, Request, Step, promised, wanted_before
-from .revisions import described, files_owner, identity, kept
+from .revisions import described, files_owner, identity, kept, key_of
 from .world import Live, Object
 
 ALL = "all"
@@ -78,13 +79,14 @@ def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pla
     # a master of its own, of a robot that has another one by now
     left = NAMES if robot.master.mode != "robot" else ()
     stays = {"", *wanted, *(set(SERVING) - {*left})}
+    shows = {*map(key_of, keeper_objects(robot))}  # of an external master, by a name that a keeper may have had
 
     def goes(item: Object) -> bool:
         app = app_of(item) or files_owner(item)[1]
         ours = item["metadata"]["namespace"] == robot.namespace and app not in stays
         return ours and (ALL in request.remove or app in request.remove)
 
-    going = [item for item in live.deployments if goes(item)]
+    going = [item for item in live.deployments if goes(item) and key_of(item) not in shows]
     if going and ALL in request.remove and not robot.apps:
         raise SpecError(
             f"the inventory has no app for {robot.name}, and update_remove_apps is {ALL}: if it is to have none, name "
@@ -97,7 +99,7 @@ def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pla
         plan,
         steps=[*(_removal(item, robot) for item in first), *plan.steps, *(_removal(item, robot) for item in last)],
         orphans=[name for name in plan.orphans if name not in apps],
-        remnants=[identity(item) for item in [*live.maps, *live.services] if goes(item)],
+        remnants=[*plan.remnants, *(identity(item) for item in [*live.maps, *live.services] if goes(item))],
     )
 
 

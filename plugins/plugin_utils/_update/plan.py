@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.names import resolve
-from ...module_utils._step.objects import app_of, hash_of, node_of
+from ...module_utils._step.objects import app_of, hash_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
 from .._model.app import App
@@ -21,7 +21,6 @@ from .._model.context import Robot
 from .._model.order import in_order
 from .._model.windows import ALWAYS, Windows
 from .._objects.app import app_objects
-from .._objects.exporter import NAME as EXPORTER_NAME
 from .._objects.master import keeper_objects, ros_core_objects
 from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
@@ -29,7 +28,7 @@ from .nodes import Launched, intended, launched
 from .revisions import Key, deployments_of, described, identity, kept, key_of, read_records, working
 from .world import Live, Object
 
-MASTER, KEEPER = names.MASTER_NAME, names.KEEPER_NAME
+MASTER, KEEPER, EXPORTER = names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_NAME
 PREVIOUS = "previous"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
@@ -85,7 +84,7 @@ class Step:
 class Plan:
     """The steps of a robot.
 
-    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes besides when apps go,
+    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes after all steps,
     `working` those that were proven once, or work now.
     """
 
@@ -161,7 +160,9 @@ def update_plan(
         and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
-    return replace(_back(there, asked, request) if request.to else _forward(there, asked), working=there.working)
+    if request.to:
+        return replace(_back(there, asked, request), working=there.working)
+    return replace(_forward(there, asked), working=there.working, remnants=_exporters(live, request))
 
 
 @dataclass(frozen=True)
@@ -274,12 +275,20 @@ class _Robot:
 
 def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
     changed = [app for app in asked if there.open(there.desired[app])]
-    known = {key_of(item) for item in deployments_of(all_of(there.desired))}
+    known = {key_of(item) for item in deployments_of([*all_of(there.desired), *keeper_objects(there.robot)])}
     return Plan(
         [there.step(members) for members in _ordered(there.robot.apps, changed)],
         [app for app in asked if app not in changed],
-        sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER_NAME),
+        sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER),
     )
+
+
+def _exporters(live: Live, request: Request) -> list[Object]:
+    """The exporters of earlier collections, where the keeper that does their work is brought, or is there."""
+    if MASTER_PART not in request.parts or (request.only and not {MASTER, KEEPER} & {*request.only}):
+        return []
+    there = [identity(item) for item in [*live.deployments, *live.maps] if name_of(item) == EXPORTER]
+    return [item for item in there if (request.shared if _is_shared([item]) else request.own)]
 
 
 def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:

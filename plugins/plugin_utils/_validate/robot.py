@@ -186,7 +186,7 @@ def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
         ("overrides", plain_master, master.overrides, names.MASTER_CONTAINER),
         ("keeper_overrides", plain_keeper, master.keeper_overrides, names.KEEPER_NAME),
     ):
-        if master.mode != "external":
+        if master.mode != "external" or (plain is plain_keeper and context.has_keeper_pod(robot)):
             yield from override_problems(plain(robot), overrides, container, base + key)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write the golden files anew: `.venv/bin/python tests/unit/golden/regenerate.py`. Read the diff before keeping it.
 
-A case is `cases/<name>.yml` with `robot`, `variables` and what the exporter is asked for; its golden file is
-`<name>.yml` beside this script: `{objects: .., conditions: {..}, images: {local: [..], remote: [..]}}`.
+A case is `cases/<name>.yml` with `robot` and `variables`; its golden file is `<name>.yml` beside this script:
+`{objects: .., conditions: {..}, images: {local: [..], remote: [..]}}`.
 
 The case `minimal` is there as a whole. The others have what is not as there would be of their robot: `without` names
 the objects that there are not, and of another one there is, by its path, each value that differs from the one of its
@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-CODE = {"run.py": "# stands for the code\n"}
+CODE = {"run.py": "# stands for the code\n", "code.json.gz": b"stands for more"}
 HERE = Path(__file__).resolve().parent
 BASE = "minimal"
 ROOM = 120  # characters, beside the indentation and the path
@@ -31,7 +31,6 @@ if __name__ == "__main__":  # pytest's conftest.py has done this already
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import parts  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects  # noqa: E402
 
 
 def built(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -41,7 +40,6 @@ def built(case: Mapping[str, Any]) -> dict[str, Any]:
         "objects": [
             *parts.ground_objects(robot, parts.PARTS, case["variables"].get(secrets, []), CODE),
             *parts.workload_objects(robot, parts.PARTS),
-            *exporter_objects(robot, CODE, **case.get("exporter", {})),
         ],
         "conditions": parts.graph_conditions(robot),
         "images": {placement: parts.images(robot, placement) for placement in ("local", "remote")},

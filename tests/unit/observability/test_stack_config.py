@@ -90,12 +90,11 @@ def test_intervals_and_jobs() -> None:
         ("apps", {}, WHOSE),
         ("apps", {"__meta_kubernetes_pod_annotation_prometheus_io_scrape": "false"}, None),
         ("apps", {"__meta_kubernetes_pod_phase": "Succeeded"}, None),
-        ("apps", {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter"}, None),
+        ("apps", {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-keeper"}, None),
         ("ros-exporter", {}, None),
-        (
-            "ros-exporter",
-            {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter"},
-            {**WHOSE, "app": "ros-exporter"},
+        *(
+            ("ros-exporter", {"__meta_kubernetes_pod_label_rosops_fleet_app": pod}, {**WHOSE, "app": pod})
+            for pod in ("ros-keeper", "ros-exporter")  # of an earlier collection, which no update has reached yet
         ),
     ],
 )

@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer im
     too_near,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded, until
 
 NODES = recorded("nodes")
 
@@ -33,7 +33,7 @@ def overflow(*_args: Any) -> Any:
 
 
 def polls(uri: str, timeout: float, tell: Callable[[str], None] = lambda _line: None) -> Poller:
-    return Poller(Observer(uri, timeout), 10, Updates("/nonexistent"), tell)
+    return Poller(Observer(uri, timeout), 10, Updates("/nonexistent"), tell, tell)
 
 
 def poller(peers: Peers, nodes: dict[str, str], timeout: float = 0.5, **more: Any) -> Poller:
@@ -102,16 +102,6 @@ def test_a_master_that_is_none(peers: Peers, reply: Any, why: str) -> None:
     assert (made.snapshot.ros.master, errors(made)) == (False, {why: 1})
 
 
-def test_the_masters_state_is_said_when_it_changes(peers: Peers) -> None:
-    said: list[str] = []
-    made = polls(peers.api("master", {"getSystemState": [1, "", [[], [], []]]}), 1, said.append)
-    made.poll()
-    made.poll()
-    made.observer.uri = "http://127.0.0.1:9/"
-    made.poll()
-    assert [line.rpartition(" ")[2] for line in said] == ["answers", "answer"]
-
-
 def test_only_calls_that_change_nothing(peers: Peers) -> None:
     made = poller(peers, {"/good": peers.api("good", node())})
     made.poll()
@@ -143,6 +133,50 @@ def test_our_own_connections() -> None:
     assert own_connections([[4, CALLER, "o", "TCPROS", "/a", True], [5, "/b", "o", "TCPROS", "/a", True]]) == (4,)
     for nonsense in (None, 7, [7], [[]], [[1]]):
         assert own_connections(nonsense) == ()
+
+
+# --- again and again --------------------------------------------------------------------------------------------------
+
+
+def running(tell: Callable[[str], None]) -> Poller:
+    """Of a master that is not there, every hundredth of a second."""
+    made = polls("http://127.0.0.1:9/", 0.5, tell)
+    made.interval = 0.01
+    made.start()
+    until(lambda: made.asleep)
+    return made
+
+
+def test_nobody_is_asked_until_somebody_scrapes_nor_once_nobody_does_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = running(lambda _line: None)
+    assert made.snapshot.polls == 0
+    made.scraped()
+    until(lambda: made.snapshot.ros.master is False and made.snapshot.polls > 2)
+    monkeypatch.setattr(observer, "WANTED", 0.05)
+    until(lambda: made.asleep)
+    polled = made.snapshot.polls
+    # what was seen then may not be so any more
+    assert (made.snapshot.ros.master, made.snapshot.ros.nodes, made.healthy()) == (None, {}, True)
+    time.sleep(0.05)
+    assert made.snapshot.polls == polled
+    monkeypatch.setattr(observer, "WANTED", 60.0)
+    made.scraped()
+    until(lambda: made.snapshot.polls > polled)
+
+
+def test_a_mistake_of_ours_is_told_once_and_the_next_poll_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    made = running(said.append)
+    tries, look = [0], made._look
+
+    def bad() -> Any:
+        tries[0] += 1
+        return look() if tries[0] > 5 else {}["missing"]
+
+    monkeypatch.setattr(made, "_look", bad)
+    made.scraped()
+    until(lambda: made.snapshot.polls > 2)
+    assert said == ["no metrics of the graph: KeyError: 'missing'"]
 
 
 @pytest.mark.parametrize(

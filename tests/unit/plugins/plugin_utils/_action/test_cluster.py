@@ -13,7 +13,6 @@ import yaml
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import (
     _cluster_access,
-    _exporter_apply,
     _fleet_info,
     _node_apply,
     _observability_stack,
@@ -121,7 +120,6 @@ ACTIONS: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {
     "ready": (_robot_update, {}, part("ready")),
     "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}, {}),
     "observability": (_observability_stack, {}, {}),
-    "exporter": (_exporter_apply, {}, {}),
 }
 
 

@@ -52,6 +52,13 @@ def test_the_diff_has_what_changed_only() -> None:
     assert diff_of(written)[0]["before_header"] == "ConfigMap n/a"
 
 
+def test_bytes_are_shown_by_their_number_and_hash() -> None:
+    (diff,) = diff_of([applied(REF, None, {"kind": "ConfigMap", "data": {"a": "b"}, "binaryData": {"c": "YWJj"}})])
+    digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert (diff["after"]["data"], diff["after"]["binaryData"]) == ({"a": "b"}, {"c": f"3 bytes, SHA-256 {digest}"})
+    assert diff["before"] == ""
+
+
 def deployment(env: dict[str, str]) -> dict[str, Any]:
     variables = [{"name": name, "value": value} for name, value in env.items()]
     return {"kind": "Deployment", "metadata": {"name": "a"}, "spec": {"containers": [{"env": variables}]}}

@@ -47,6 +47,7 @@ def test_every_field_survives() -> None:
             "mode": "external", "image": "i", "uri": "http://x:1", "placement": "remote", "overrides": {"a": 1},
             "goal_forwarding": False, "keeper_overrides": {"b": 2},
         },
+        observability={"enabled": True, "ros_metrics": False, "prometheus": {"enabled": True}},
         update_when=[{"topic": "/cmd_vel", "quiet": 5}],
         update_windows=[{"days": ["mon"], "from": "22:00", "to": "05:30"}],
         quota={"pods": 2},
@@ -58,7 +59,7 @@ def test_every_field_survives() -> None:
     assert read(Robot, fact) == made
     app = made.apps[0]
     assert app.launch is not None
-    for item in (made, app, app.launch, app.readiness, app.update, made.master, made.volumes[0]):
+    for item in (made, app, app.launch, app.readiness, app.update, made.master, made.volumes[0], made.observability):
         for field in dataclasses.fields(item):
             assert getattr(item, field.name) != field.default, field.name
     assert made.apps[0].depends_on == ("o",)

@@ -3,37 +3,62 @@
 
 from __future__ import annotations
 
+import ast
+import io
 import json
 import os
 import subprocess
 import sys
+import tokenize
 from pathlib import Path
+from tokenize import COMMENT
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import COMMANDS
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import ARCHIVE, COMMANDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
-    app_files,
+    MODULE_UTILS,
+    bare,
     code_maps,
-    exporter_files,
+    packed,
+    pod_files,
     relative_imports,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Files
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from pod_code import modules, write_code
 
-FILES = {"app": app_files(), "exporter": exporter_files()}
-CONFIG_MAP_LIMIT = 1 << 20
-
-
-@pytest.mark.parametrize("files", FILES.values(), ids=FILES)
-def test_each_fits(files: dict[str, str]) -> None:
-    assert sum(map(len, files.values())) < CONFIG_MAP_LIMIT / 2
+FILES = pod_files()
+LIMIT = 150_000  # bytes that a robot takes in etcd, which has them as they are
 
 
-def test_each_pod_has_its_commands_and_not_the_others() -> None:
-    assert {f"{module}.py" for command, module in COMMANDS.items() if command != "exporter"} <= set(FILES["app"])
-    assert not [name for name in FILES["app"] if "exporter" in name]
-    assert "_exporter.main.py" in FILES["exporter"] and "_pod.started.py" not in FILES["exporter"]
+def test_it_fits_and_has_all_commands() -> None:
+    [held] = code_maps(robot(), FILES)
+    assert sum(map(len, FILES.values())) < LIMIT
+    assert (set(held["data"]), set(held["binaryData"])) == ({"run.py", "_pod.launch.py"}, {ARCHIVE})
+    assert {*COMMANDS.values(), "_pod.namesake", "_pod.params"} <= set(modules())
+
+
+def test_the_same_sources_are_the_same_bytes() -> None:
+    assert packed(modules()) == packed(dict(reversed(modules().items()))) == FILES[ARCHIVE]
+
+
+def told(text: str) -> tuple[str, list[tuple[str, int]]]:
+    """A source as it is compiled without docstrings, and the lines of its parts."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            node.value.value = ""
+    return ast.dump(tree), [(type(node).__name__, getattr(node, "lineno", 0)) for node in ast.walk(tree)]
+
+
+@pytest.mark.parametrize("path", sorted(MODULE_UTILS.rglob("*.py")), ids=lambda path: path.stem)
+def test_a_source_without_comments_is_the_same_program(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert told(bare(text)) == told(text)
+    comments = [one.string for one in tokenize.generate_tokens(io.StringIO(bare(text)).readline) if one.type == COMMENT]
+    assert comments == ["# SPDX-License-Identifier: GPL-3.0-or-later"]
 
 
 def test_imports_in_functions_and_of_names_count() -> None:
@@ -43,37 +68,35 @@ def test_imports_in_functions_and_of_names_count() -> None:
 
 # --- run from a mount -------------------------------------------------------------------------------------------------
 
-# `exec` waits for the master before it loads some; a keeper of a collection before 1.0 has the last one. The files of
-# both may be newer ones by then. `_pod.launch` runs by itself, where an image has roslaunch.
-IMPORT = """
-sys.meta_path.append(Flat({directory!r}))
-for name in {names!r}:
-    found = importlib.import_module(f"{{ROOT}}.{{name}}")
-print(found.__name__)
-"""
+
+# `exec` waits for the master before it loads some modules: the kubelet may have brought other files meanwhile.
+@pytest.mark.parametrize("early", ["", "_common.errors"], ids=["nothing was compiled before", "something was"])
+def test_whatever_is_loaded_late_is_of_the_version_that_was_started(tmp_path: Path, early: str) -> None:
+    write_code(tmp_path)
+    names = sorted({*modules()} - {early, "_pod.started"})  # which has need of _pod.launch, and lives for seconds
+    text = (tmp_path / "run.py").read_text().rpartition("if __name__")[0]
+    first = f"importlib.import_module(f'{{ROOT}}.{early}')" if early else ""
+    script = "\n".join(
+        [
+            *(text, "import shutil", "sys.dont_write_bytecode = True"),
+            *(f"sys.meta_path.append(Rooms({str(tmp_path)!r}))", first, f"shutil.rmtree({str(tmp_path)!r})"),
+            *(f"for name in {names!r}:", "    found = importlib.import_module(f'{ROOT}.{name}')"),
+            *("print(found.__name__, found.__file__)", "import rosops_fleet._ros.missing"),
+        ]
+    )
+    found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=False)  # noqa: S603
+    assert found.stdout == f"rosops_fleet.{names[-1]} {tmp_path}/{names[-1]}.py\n", found.stderr
+    assert f"No such file or directory: '{tmp_path}/_ros.missing.py'" in found.stderr
 
 
-@pytest.mark.parametrize(("kind", "last"), [("app", "_pod.latched_topics"), ("exporter", "_exporter.main")])
-def test_whatever_is_loaded_later_is_found(tmp_path: Path, kind: str, last: str) -> None:
-    files = FILES[kind]
-    for name, text in files.items():
-        (tmp_path / name).write_text(text)
-    names = [name.removesuffix(".py") for name in files if name not in ("run.py", "_pod.launch.py", f"{last}.py")]
-    tried = IMPORT.format(directory=str(tmp_path), names=[*names, last])
-    script = files["run.py"].rpartition("if __name__")[0] + tried
-    found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=True)  # noqa: S603
-    assert found.stdout == f"rosops_fleet.{last}\n"
-    assert kind == "exporter" or {"_pod.namesake", "_pod.params"} <= set(names)
-
-
-def mounted(place: Path, files: dict[str, str]) -> Path:
+def mounted(place: Path) -> Path:
     """As the kubelet mounts a ConfigMap: links into a directory with a changing name."""
     real = place / "hooks" / "..2026_01_01"
     real.mkdir(parents=True)
+    write_code(real)
     (place / "hooks" / "..data").symlink_to(real.name)
-    for name, text in files.items():
-        (real / name).write_text(text)
-        (place / "hooks" / name).symlink_to(f"..data/{name}")
+    for path in real.iterdir():
+        (place / "hooks" / path.name).symlink_to(f"..data/{path.name}")
     return place / "hooks"
 
 
@@ -95,7 +118,7 @@ def run(command: list[str]) -> tuple[int, str]:
 @pytest.mark.parametrize("python", pythons())
 @pytest.mark.parametrize("word", ["started", "stop"])
 def test_it_runs_from_a_mount_and_writes_nothing_there(tmp_path: Path, word: str, python: str) -> None:
-    place = mounted(tmp_path, FILES["app"])
+    place = mounted(tmp_path)
     before = sorted(place.rglob("*"))
     said = "rosops.fleet: left to SIGTERM: the ROS master does not answer" if word == "stop" else ""
     status, output = run([python, "-I", "-S", str(place / "run.py"), word])
@@ -103,12 +126,9 @@ def test_it_runs_from_a_mount_and_writes_nothing_there(tmp_path: Path, word: str
     assert sorted(place.rglob("*")) == before
 
 
-@pytest.mark.parametrize(
-    ("files", "words", "code"),
-    [("app", [], 2), ("app", ["jump"], 2), ("exporter", ["jump"], 2), ("exporter", ["exporter", "--jump", "1"], 1)],
-)
-def test_other_words_are_explained(tmp_path: Path, files: str, words: list[str], code: int) -> None:
-    place = mounted(tmp_path, FILES[files])
+@pytest.mark.parametrize(("words", "code"), [([], 2), (["jump"], 2), (["keeper", "--jump", "1"], 1)])
+def test_other_words_are_explained(tmp_path: Path, words: list[str], code: int) -> None:
+    place = mounted(tmp_path)
     status, output = run([sys.executable, "-I", "-S", str(place / "run.py"), *words])
     assert (status, "usage: " in output) == (code, True)
 
@@ -119,14 +139,13 @@ process = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE, text=True)
 try:
     print(process.stdout.readline().strip())
     port = sys.argv[-1]
+    print(urllib.request.urlopen(f"http://127.0.0.1:{port}/ready", timeout=5).status)
     for _try in range(200):
         text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5).read().decode()
         if "ros_master_up" in text:
             break
         time.sleep(0.05)
     print(text)
-    maps = open(f"/proc/{process.pid}/maps").read()
-    print("OpenSSL" if "libssl" in maps else "no OpenSSL")
 finally:
     process.kill()
     process.wait()
@@ -134,20 +153,20 @@ finally:
 
 
 @pytest.mark.parametrize("python", pythons())
-def test_the_exporter_runs_from_a_mount_without_a_master(tmp_path: Path, python: str) -> None:
-    place = mounted(tmp_path, FILES["exporter"])
+def test_what_shows_metrics_runs_from_a_mount_without_a_master(tmp_path: Path, python: str) -> None:
+    place = mounted(tmp_path)
     before, port = sorted(place.rglob("*")), str(20000 + os.getpid() % 10000)
-    command = [python, "-I", "-S", str(place / "run.py"), "exporter", "--address", "127.0.0.1", "--port", port]
+    command = [python, "-I", "-S", str(place / "run.py"), "keeper", "--keep", "off", "--port", port]
     _status, output = run([sys.executable, "-c", SCRAPE, *command])
     assert "ros_master_up 0.0\n" in output
     assert 'ros_exporter_scrape_errors_total{reason="refused"} 1.0\n' in output
-    assert "\nno OpenSSL\n" in output
+    assert output.splitlines()[1] == "200"
     assert sorted(place.rglob("*")) == before
 
 
 # --- where it is ------------------------------------------------------------------------------------------------------
 
-CODE = {"run.py": "code"}
+CODE: Files = {"run.py": "code", "more": b"code"}
 APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
 FLEETS, PLAIN, BESIDE = {**APP, "scope": "fleet"}, {**APP, "hooks": "none"}, {**APP, "hooks": "sidecar"}
 ROBOT, FLEET = "robot-r1", "fleet"
@@ -159,6 +178,7 @@ SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0
     [
         ([], {}, [ROBOT]),  # the keeper's pod needs it
         ([], EXTERNAL, []),
+        ([], {**EXTERNAL, "seen": True}, [ROBOT]),
         ([], SHARED, [FLEET]),
         ([APP], {}, [ROBOT]),
         ([APP], EXTERNAL, [ROBOT]),
@@ -171,6 +191,8 @@ SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0
     ],
 )
 def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, places: list[str]) -> None:
-    objects = code_maps(robot(*apps, name="r1", master=master), CODE)
+    seen = {"enabled": "seen" in master}
+    objects = code_maps(robot(*apps, name="r1", master=master, observability=seen), CODE)
     assert [one["metadata"]["namespace"] for one in objects] == places
-    assert all((one["metadata"]["name"], one["data"]) == ("rosops-code", CODE) for one in objects)
+    held = [(one["metadata"]["name"], one["data"], one["binaryData"]) for one in objects]
+    assert held == [("rosops-code", {"run.py": "code"}, {"more": "Y29kZQ=="})] * len(places)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ROS master, the keeper and the exporter: beside each other, and what each is asked."""
+"""The ROS master and the keeper: beside each other, and what each is asked."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter import main as exporter_main
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import main as keeper_main
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.metrics import CLAIMS_DIR
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 Object = dict[str, Any]
 VOLUMES = [{"name": "a", "size": "1Ki"}]
+SEEN = {"enabled": True}
+EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
 
 
 def placed(objects: list[Object]) -> list[tuple[str, str, str]]:
@@ -36,22 +37,14 @@ def keeper(**of: Any) -> list[Object]:
     return master.keeper_objects(robot(name="r1", master=of))
 
 
-def exporter(code: Any = None, volumes: Any = (), **options: Any) -> list[Object]:
-    return exporter_objects(robot(name="r1", volumes=volumes), code or {"run.py": "code"}, **options)
-
-
 @pytest.mark.parametrize("mode", ["robot", "shared"])
 def test_each_is_where_the_master_is_and_its_account_is_there_before(mode: str) -> None:
     """A pod without its account is not made; the namespace is applied before everything else of a robot."""
     made = robot(name="r1", master={"mode": mode, "image": "ros:x"})
     own, _service, kept, _service = master.master_objects(made)
-    config, beside = exporter_objects(made, {})
-    assert {one["metadata"]["namespace"] for one in (own, kept, config, beside)} == {
-        "fleet" if mode == "shared" else "robot-r1"
-    }
-    for one in (kept, beside):
-        assert pod(one)["nodeSelector"] == pod(own)["nodeSelector"]
-        assert pod(one)["containers"][0]["image"] == "ros:x"
+    assert {one["metadata"]["namespace"] for one in (own, kept)} == {"fleet" if mode == "shared" else "robot-r1"}
+    assert pod(kept)["nodeSelector"] == pod(own)["nodeSelector"]
+    assert pod(kept)["containers"][0]["image"] == "ros:x"
     account = ("ServiceAccount", kept["metadata"]["namespace"], pod(kept)["serviceAccountName"])
     first, *objects = placed(namespace_objects(made))
     assert (first[0], account in objects, pod(kept)["automountServiceAccountToken"]) == ("Namespace", True, True)
@@ -77,26 +70,66 @@ def test_goal_forwarding_is_switched_off_by_a_word_of_its_command() -> None:
     assert keeper_main.options(words)["--goal-forwarding"] == "off"
 
 
-# --- the exporter -----------------------------------------------------------------------------------------------------
+# --- the metrics ------------------------------------------------------------------------------------------------------
 
 
-def test_newer_code_restarts_it() -> None:
-    first, again, newer = (exporter(code)[1]["spec"]["template"] for code in (None, None, {"run.py": "newer"}))
-    assert (again == first, newer == first) == (True, False)
+def shown(**of: Any) -> Object:
+    """The keeper's pod: its annotations, the options that its process finds, its volumes and capabilities."""
+    [deployment, *_service] = master.keeper_objects(robot(name="r1", **of))
+    container, template = pod(deployment)["containers"][0], deployment["spec"]["template"]
+    return {
+        "notes": {key: text for key, text in template["metadata"]["annotations"].items() if "prometheus" in key},
+        "options": keeper_main.options(container["command"][container["command"].index("keeper") + 1 :]),
+        "volumes": [volume["name"] for volume in pod(deployment)["volumes"]],
+        "add": container["securityContext"]["capabilities"].get("add", []),
+        "mounts": {mount["name"]: mount["mountPath"] for mount in container["volumeMounts"]},
+    }
 
 
-@pytest.mark.parametrize("given", [{}, {"claims": True}])
-def test_the_process_knows_its_options(given: dict[str, bool]) -> None:
-    container = pod(exporter(volumes=VOLUMES, **given)[1])["containers"][0]
-    chosen = exporter_main.options(container["args"])
-    assert set(chosen) == set(exporter_main.OPTIONS)
-    assert (chosen["--capacities"] == '{"a-pvc": 1024}') is given.get("claims", False)
-    where = next(mount["mountPath"] for mount in container["volumeMounts"] if mount["name"] == "updates")
-    assert f"{where}/updates.json" == updates.FILE
+def test_its_pod_is_found_and_has_the_record_of_updates() -> None:
+    """Switched on later, the cluster's stack asks the keepers that are there."""
+    made = shown()
+    assert made["notes"] == {
+        "prometheus.io/scrape": "true", "prometheus.io/port": "11411", "prometheus.io/path": "/metrics",
+    }  # fmt: skip
+    assert f"{made['mounts']['updates']}/updates.json" == updates.FILE == made["options"]["--updates"]
+    assert (made["volumes"], made["add"]) == (["rosops-code", "record", "updates"], [])
+    assert shown(observability={"ros_metrics": False})["notes"] == {}
+    assert shown(observability={"ros_metrics": False}, master={"mode": "shared"})["notes"] == made["notes"]
 
 
-def test_no_claims_no_host_path() -> None:
-    assert [volume["name"] for volume in pod(exporter(claims=True)[1])["volumes"]] == ["code", "updates"]
+@pytest.mark.parametrize(
+    ("of", "sees"),
+    [
+        ({}, True),
+        ({"pod_security": "privileged"}, True),
+        ({"pod_security": "baseline"}, False),
+        ({"pod_security": "restricted"}, False),
+        ({"volumes": []}, False),
+        ({"observability": {}}, False),
+        ({"observability": {**SEEN, "ros_metrics": False}}, False),
+        ({"master": {"mode": "shared"}}, False),
+        ({"master": EXTERNAL}, True),
+    ],
+)
+def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(of: Object, sees: bool) -> None:
+    made = shown(**{"volumes": VOLUMES, "observability": SEEN, **of})
+    said = ("--claims", "--namespace", "--capacities")
+    wanted = (CLAIMS_DIR, "robot-r1", '{"a-pvc": 1024}')
+    assert tuple(made["options"][word] for word in said) == (wanted if sees else ("", "", "{}"))
+    assert ("claims" in made["volumes"], made["add"]) == (sees, ["DAC_OVERRIDE"] if sees else [])
+    assert made["mounts"].get("claims") == (wanted[0] if sees else None)
+
+
+def test_beside_an_external_master_it_keeps_nothing_and_is_there_for_the_metrics_alone() -> None:
+    assert master.keeper_objects(robot(master=EXTERNAL)) == []
+    [alone] = master.master_objects(robot(name="r1", master=EXTERNAL, observability=SEEN))
+    assert placed([alone]) == [("Deployment", "robot-r1", "ros-keeper")]
+    assert "serviceAccountName" not in pod(alone) and not pod(alone)["automountServiceAccountToken"]
+    made = shown(master=EXTERNAL, observability=SEEN)
+    assert (made["options"]["--keep"], made["volumes"]) == ("off", ["rosops-code", "updates"])
+    assert made["notes"] == shown()["notes"]
+    assert shown()["options"]["--keep"] == "on"
 
 
 # --- the master's start -----------------------------------------------------------------------------------------------

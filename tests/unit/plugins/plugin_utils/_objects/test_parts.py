@@ -10,6 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
     PARTS,
     ground_objects,
+    images,
     tagged_parts,
     workload_objects,
 )
@@ -51,6 +52,12 @@ def test_every_part_has_its_own_and_says_where_it_lives() -> None:
         "apps": ["ConfigMap rosops-code"],
         "ready": [],
     }
+    external = robot(master={"mode": "external", "uri": "http://h:11311"}, observability={"enabled": True})
+    # what only shows a graph disturbs nobody
+    assert kinds(ground_objects(external, ["master"], [], {})) == ["ConfigMap rosops-code", "Deployment ros-keeper"]
+    assert kinds(ground_objects(external, ["apps"], [], {})) == ["ConfigMap rosops-code"]
+    assert workload_objects(external, PARTS) == []
+    assert images(external) == ["ros:noetic-ros-core"]
     assert kinds(workload_objects(MADE, ["apps", "storage"])) == ["Deployment talker"]
     assert "Deployment ros-master" in kinds(workload_objects(MADE, ["master"]))
     for one in [*ground_objects(MADE, PARTS, [SECRET], {}), *workload_objects(MADE, PARTS)]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -18,7 +17,7 @@ APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
 def contexts(*apps: dict[str, Any], **variables: Any) -> dict[str, Any]:
     """Deployment -> its container's securityContext."""
     made = robot(*apps, **variables)
-    objects = [*master_objects(made), *app_objects(made), *exporter_objects(made, {})]
+    objects = [*master_objects(made), *app_objects(made)]
     return {
         one["metadata"]["name"]: one["spec"]["template"]["spec"]["containers"][0].get("securityContext")
         for one in objects
@@ -32,13 +31,15 @@ def overrides(context: dict[str, Any], name: str = "ros-app") -> dict[str, Any]:
 
 def test_nobody_gets_more_rights_than_it_started_with() -> None:
     found = contexts(APP)
-    assert set(found) == {"ros-master", "ros-keeper", "ros-exporter", "a"}
+    assert set(found) == {"ros-master", "ros-keeper", "a"}
     for context in found.values():
         assert context["allowPrivilegeEscalation"] is False
         assert context["seccompProfile"] == {"type": "RuntimeDefault"}
         assert "runAsNonRoot" not in context  # most ROS images run as root
-    for ours in ("ros-master", "ros-keeper", "ros-exporter"):
+    for ours in ("ros-master", "ros-keeper"):
         assert found[ours]["capabilities"] == {"drop": ["ALL"]}
+    looks = contexts(volumes=[{"name": "logs"}], observability={"enabled": True})["ros-keeper"]
+    assert looks["capabilities"] == {"drop": ["ALL"], "add": ["DAC_OVERRIDE"]}
 
 
 def test_an_app_keeps_what_entrypoints_and_drivers_use() -> None:

@@ -12,7 +12,6 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions
@@ -315,13 +314,13 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
     found = []
     for name in ("robot1", "robot2"):
         own = [{"name": "own"}] if name == "robot1" else []
-        full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=[{"name": "map"}, *own])
+        volumes, seen = [{"name": "map"}, *own], {"enabled": bool(own), "ros_metrics": not own}
+        full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=volumes, observability=seen)
         objects = [
             *namespace_objects(full),
             *storage_objects(full),
             *master_objects(full),
             *app_objects(full),
-            *exporter_objects(full, {}, claims=True),
         ]
         found.append(
             [
@@ -334,7 +333,7 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
     assert found[0] == found[1]
     assert [item["kind"] for item in found[0]] == [
         "Namespace", "ServiceAccount", "Role", "RoleBinding", "PersistentVolumeClaim",
-        "Deployment", "Service", "Deployment", "Service", "Deployment", "ConfigMap", "Deployment",
+        "Deployment", "Service", "Deployment", "Service", "Deployment",
     ]  # fmt: skip
 
 

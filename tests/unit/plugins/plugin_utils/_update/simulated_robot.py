@@ -675,7 +675,7 @@ class SimulatedRobot:
 
 NO_MAP = {"data": {"contract.json": "{}", "history.json": "[]"}}
 LETTERS = "bcdfghjklmnpqrstvwxz2456789"  # apimachinery's SafeEncodeString
-INFRASTRUCTURE = (names.MASTER_NAME, names.KEEPER_NAME)
+INFRASTRUCTURE = (names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_NAME)
 
 
 def template_of(deployment: Object) -> str:

@@ -11,8 +11,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
@@ -39,10 +37,10 @@ def services(of: Robot, **addresses: str) -> list[dict[str, Any]]:
 def test_no_pod_is_told_a_name(mode: str) -> None:
     made = located(robot(*APPS, master={"mode": mode}), Live(services=services(robot(master={"mode": mode}))))
     assert made.master.addresses == ADDRESSES
-    text = json.dumps([workload_objects(made, PARTS), exporter_objects(made, exporter_files())])
+    text = json.dumps(workload_objects(made, PARTS))
     told = text.replace('"http://ros-master', "").replace('"http://ros-keeper', "")
     assert told == text
-    assert text.count("http://10.43.0.17:11311") == 6  # keeper, exporter, three apps, and a sidecar
+    assert text.count("http://10.43.0.17:11311") == 5  # keeper, three apps, and a sidecar
     assert text.count("http://10.43.0.18:11411") == {"robot": 2, "shared": 3}[mode]  # hooks in apps' pods
 
 
@@ -94,11 +92,12 @@ MASTERS: dict[str, dict[str, Any]] = {
     "shared": {"mode": "shared"},
     "external": {"mode": "external", "uri": URI},
 }
+SEEN = {"enabled": True}  # then a keeper's pod is beside an external master, too, which says nothing of another one
 
 
 def at_work(mode: str, *, by_name: bool = False, **addresses: str) -> tuple[Live, Live]:
     """A robot's apps with such a master: what the API shows in its own namespace, and in that of the fleet."""
-    there = robot(*APPS, master=MASTERS[mode])
+    there = robot(*APPS, master=MASTERS[mode], observability=SEEN)
     live = applied(there if by_name else addressed(there))
     found = [] if mode == "external" else services(there, **addresses)
 

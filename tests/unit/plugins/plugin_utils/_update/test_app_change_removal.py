@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.lifecycle import with_removals
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
@@ -20,7 +22,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     SimulatedHost,
     Simulation,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+    app,
+    applied,
+    planned,
+)
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
@@ -154,6 +160,20 @@ def test_the_master_stays_and_what_is_the_fleets() -> None:
     found = told(sim, external, "all")
     assert {step.name for step in found.steps} <= {"sensor"}, found
     assert sim.deployment(("robot-robot1", "ros-master"))
+
+
+def test_of_a_master_that_was_the_robots_own_all_goes_but_what_shows_the_external_one() -> None:
+    external = robot(
+        master={"mode": "external", "uri": "http://10.0.0.1:11311"}, observability={"enabled": True}, volumes=[]
+    )
+    own = [{**item, "kind": "Service"} for item in applied(robot()).deployments]
+    live = replace(applied(external), services=own)
+    plan = with_removals(planned(external, live), external, live, Request(remove=["ros-master", "ros-keeper"]))
+    assert (plan.steps, plan.orphans) == ([], [])
+    assert {(item["kind"], item["metadata"]["name"]) for item in plan.remnants} == {
+        ("Service", "ros-master"),
+        ("Service", "ros-keeper"),
+    }
 
 
 def test_what_is_in_the_way_goes_first_and_all_else_last() -> None:

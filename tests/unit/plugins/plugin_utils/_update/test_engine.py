@@ -19,6 +19,13 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    config_map,
+    hashed,
+    object_labels,
+    pod_spec,
+    workload,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
@@ -206,6 +213,28 @@ def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image
     assert f"Service {name} is gone or was changed by hand" in sim.said
     assert sim.engine.live.service_uri(name, "robot-robot1")  # what is held back, is held there
     assert outcome_of(sim, wanted).outcome == "unchanged"
+
+
+EXPORTERS = [(kind, "robot-robot1", "ros-exporter") for kind in ("ConfigMap", "Deployment")]
+
+
+@pytest.mark.parametrize("version", ["good", "never-starts"])
+def test_the_exporter_of_an_earlier_collection_goes_once_the_keeper_does_its_work(version: str) -> None:
+    scenario, sim = SCENARIOS["keeper-and-master"], Simulation()
+    sim.put(config_map("ros-exporter", "robot-robot1", object_labels("ros-exporter", "robot1"), {}))
+    containers = [{"name": "ros-exporter", "image": OLD}]
+    sim.put(hashed(workload("ros-exporter", "robot-robot1", "robot1", pod_spec(containers))))
+    sim.install(scenario.robot(OLD))
+    wanted = scenario.robot(image(version))
+    assert outcome_of(sim, wanted, request=Request(only=["sensor"])).outcome == "unchanged"
+    assert outcome_of(sim, wanted, check=True).outcome == "updated"
+    assert [change.ref.name for change in sim.engine_changes if change.after is None] == ["ros-exporter"] * 2
+    found, good = outcome_of(sim, wanted), version == "good"
+    assert [step.name for step in found.steps] == (["ros-keeper", "ros-master"] if good else ["ros-keeper"])
+    assert [key for key in EXPORTERS if key in sim.objects] == ([] if good else EXPORTERS)
+    if good:
+        assert not any("not in the inventory" in line for line in sim.said)
+        assert (outcome_of(sim, wanted).outcome, sim.engine_changes) == ("unchanged", [])
 
 
 def services_of(sim: Simulation) -> list[str]:

@@ -66,6 +66,14 @@ def test_what_a_robot_sends_while_it_works_is_not_asked_of_one_at_rest() -> None
     assert sim.promised("robot-robot1", "planner")["topics"]["/load"]["rate"] == 100.0
 
 
+def test_an_external_master_has_no_keeper_whatever_is_left_of_another_one() -> None:
+    sim, wanted = begin("drain", "good")
+    _outcome, own = run_of(sim, wanted)
+    assert own.keeper.startswith("http://")
+    own.robot = robot(master={"mode": "external", "uri": "http://192.0.2.5:11311"}, observability={"enabled": True})
+    assert own.keeper == ""
+
+
 @pytest.mark.parametrize("pattern", ["action", "service", None])
 def test_actions_that_the_inventory_does_not_list_are_waited_for(pattern: str | None) -> None:
     scenario, sim = one("planner", pattern=pattern), Simulation()

@@ -11,8 +11,10 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, hashed, pod_spec, workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described, kept, read_records
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
@@ -143,6 +145,44 @@ def test_a_deployment_that_the_inventory_does_not_know_is_named_and_left() -> No
     plan = planned(robot(app("one")), applied(robot(app("one"), app("old"))))
     assert plan.orphans == ["old"]
     assert plan.steps == []
+
+
+EXTERNAL = {"mode": "external", "uri": "http://192.0.2.5:11311"}
+
+
+def test_the_pod_that_shows_the_graph_of_an_external_master_is_no_step_and_no_orphan() -> None:
+    seen = robot(app("one"), master=EXTERNAL, observability={"enabled": True})
+    live = applied(seen)
+    assert [item["metadata"]["name"] for item in live.deployments] == ["ros-keeper", "one"]
+    plan = planned(seen, live)
+    assert (plan.steps, plan.unchanged, plan.orphans, plan.remnants) == ([], ["one"], [], [])
+    assert step_names(planned(seen, Live())) == [["one"]]
+    assert planned(robot(app("one"), master=EXTERNAL), live).orphans == ["ros-keeper"]
+
+
+@pytest.mark.parametrize(
+    ("space", "request_", "goes"),
+    [
+        ("robot-robot1", Request(), True),
+        ("robot-robot1", Request(only=["ros-master"]), True),
+        ("robot-robot1", Request(only=["one"]), False),
+        ("robot-robot1", Request(parts=["apps"]), False),
+        ("robot-robot1", Request(own=False), False),
+        ("robot-robot1", Request(to="previous"), False),
+        ("fleet", Request(own=False), True),
+        ("fleet", Request(shared=False), False),
+    ],
+)
+def test_an_exporter_of_an_earlier_collection_goes_with_what_its_keeper_brings(
+    space: str, request_: Request, goes: bool
+) -> None:
+    wanted = robot(app("one"))
+    beside = hashed(workload("ros-exporter", space, "robot1", pod_spec([])))
+    code = config_map("ros-exporter", space, {}, {})
+    live = applied(wanted)
+    plan = planned(wanted, Live([*live.deployments, beside], [code]), request_)
+    assert [*plan.orphans] == []
+    assert [item["kind"] for item in plan.remnants] == (["Deployment", "ConfigMap"] if goes else [])
 
 
 def test_a_step_that_was_cut_off_is_taken_up_again_and_goes_back_to_the_last_proven_version() -> None:
