@@ -14,12 +14,15 @@ import time
 
 from .._common.errors import KubeError
 from .._ros.client import Ros1Client
+from .._ros.keeper_client import KeeperCalls
 from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import KEEPER_PORT
 from .cluster_api import ACCOUNT, Cluster, in_cluster
+from .door import PATH, Door
 from .goal_forwarding import SWITCHED_OFF, GoalForwarding
+from .holds import Holds
 from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
 from .memory import KeptFiles
@@ -97,11 +100,15 @@ def main(words: list[str]) -> int:
     latched = LatchedTopics(ros, slave, kept, tell)
     latched.resume()
     slave.register({"keep_latched": latched.keep})
-    slave.start()
     watch = None
     if cluster:
-        robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence)
-        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, kept, tell)
+        client = Ros1Client(uri, TIMEOUT, NAME)
+        holds = Holds(cluster, client, KeeperCalls(slave.uri, NAME), kept)
+        robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence, holds.watch)
+        watch = StepWatch(cluster, client, robot, kept, tell)
+        slave.show(PATH, Door(holds, watch.left_over).page)
+    slave.start()
+    if watch:
         threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
