@@ -93,6 +93,7 @@ ruff: ## Python: style and mistakes
 mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the tests that need a lab
 	mypy plugins
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
+	mypy --python-version 3.8 playbooks/files/rosops-may
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
 	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tools mypy tests/observability

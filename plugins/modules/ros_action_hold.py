@@ -124,24 +124,18 @@ elapsed:
   type: float
 """
 
-import contextlib
 from functools import partial
-from typing import Callable, Iterable, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._common.poll import FAIL, PASS, WAIT, Seen, poll
-from ..module_utils._host.idle_hold import CONSECUTIVE, Held, hold_when_idle
-from ..module_utils._ros.checks import Check
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.conditions import VALUE_ARGS, Conditions, conditions_from
-from ..module_utils._ros.gate import Look, look
-from ..module_utils._ros.keeper_client import TIMEOUT, KeeperCalls
-from ..module_utils._ros.listener import Listener
-from ..module_utils._ros.names import is_meant
-from ..module_utils._ros.rpc import in_parallel, tell_publishers
+from ..module_utils._ros.conditions import VALUE_ARGS, conditions_from
+from ..module_utils._ros.idle_hold import CONSECUTIVE, Held, hold_when_idle
+from ..module_utils._ros.idle_robot import IdleRobot, at_once, reason_of
+from ..module_utils._ros.keeper_client import KeeperCalls
 
 CALLER = "/rosops_fleet_step"
 HOLD_ARGS: dict[str, Data] = {
@@ -159,53 +153,6 @@ HOLD_ARGS: dict[str, Data] = {
 }
 
 
-class Robot:
-    """The world of _action_hold on the network."""
-
-    def __init__(self, params: Data, conditions: Conditions) -> None:
-        self.ros = Ros1Client(params["master_uri"], params["node_timeout"], CALLER)
-        self.keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
-        self.seconds, self.conditions = params["seconds"], conditions
-        self.ears = Listener(self.ros, conditions.values).checks if conditions.values else None
-
-    def look(self) -> Seen:
-        seen = look(self.ros, self.conditions, ears=self.ears)
-        return Seen(seen.verdict, seen)
-
-    def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
-        try:
-            now = self._now(servers)
-        except (OSError, RosError) as error:
-            return dict.fromkeys(servers, str(error))
-        return _at_once({name: partial(self.keeper.hold, name, one, self.seconds) for name, one in now.items()})
-
-    def _now(self, servers: Mapping[str, str]) -> dict[str, str]:
-        """What each action's server is called in its pod."""
-        there = self.ros.state()
-        return {
-            action: next((one for one in there.servers(action) if is_meant(one, [server])), server)
-            for action, server in servers.items()
-        }
-
-    def release(self, actions: Iterable[str]) -> Mapping[str, str]:
-        return _at_once({name: partial(self.keeper.release, name) for name in actions})
-
-    def isolate(self, servers: Mapping[str, str]) -> None:
-        """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
-        unheard = contextlib.suppress(OSError, RosError)  # whatever comes through after all shows in the next look
-        with unheard:
-            now = self._now(servers)
-            uris = self.ros.addresses(dict.fromkeys(now.values()))[0]
-            for action, server in now.items():
-                with unheard:
-                    if server in uris:
-                        tell_publishers(uris[server], f"{action}/goal", [], self.ros.timeout)
-
-
-def _at_once(calls: Mapping[str, Callable[[], str]]) -> Mapping[str, str]:
-    return in_parallel(calls, TIMEOUT + 1, lambda _action, error: str(error))
-
-
 def release(keeper: KeeperCalls, actions: list[str], params: Data, check_mode: bool) -> Data:
     """Let go what is held of the actions. A keeper that is away is asked again until the time is over."""
     there: set[str] = set()
@@ -216,7 +163,7 @@ def release(keeper: KeeperCalls, actions: list[str], params: Data, check_mode: b
         except (FleetError, OSError) as error:
             return Seen(WAIT, str(error))
         calls = {} if check_mode else {name: partial(keeper.release, name) for name in sorted(there)}
-        problems = [why for why in _at_once(calls).values() if why]
+        problems = [why for why in at_once(calls).values() if why]
         return Seen(WAIT if problems else PASS, "; ".join(problems))
 
     ended = poll(probe, params["timeout"], params["interval"])
@@ -226,21 +173,15 @@ def release(keeper: KeeperCalls, actions: list[str], params: Data, check_mode: b
 
 
 def result_of(ended: Held) -> Data:
-    """What the module returns of a hold; its reason is every unmet check of the last look, and what is not held."""
-    last: Look = ended.last
+    """What the module returns of a hold."""
     return {
         "changed": bool(ended.held),
         "verdict": ended.verdict,
-        "reason": "; ".join([*(_told(check) for check in last.unmet), *ended.problems]),
+        "reason": reason_of(ended),
         "held": list(ended.held),
         "called_off": ended.called_off,
         "elapsed": round(ended.elapsed, 3),
     }
-
-
-def _told(check: Check) -> str:
-    """An action's reason names its server; what is wrong with a value does not say of which."""
-    return str(check) if check.kind == "value" else check.reason
 
 
 def main() -> None:
@@ -259,7 +200,9 @@ def main() -> None:
             idle = [{**action, "state": "idle"} for action in params["actions"]]
             # of a wait in several calls, one may be shorter than what has to be quiet
             wanted = {**params, "actions": idle, "timeout": None}
-            robot = Robot(params, conditions_from(wanted))
+            ros = Ros1Client(params["master_uri"], params["node_timeout"], CALLER)
+            keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
+            robot = IdleRobot(ros, keeper, conditions_from(wanted), lambda: params["seconds"])
             only_look = module.check_mode or not (params["keeper_uri"] and params["seconds"])
             looks = CONSECUTIVE if params["seconds"] else 1
             ended = hold_when_idle(robot, {} if only_look else servers, params["timeout"], params["interval"], looks)

@@ -44,6 +44,8 @@ RUN = {
     r"PLAY collect -e (collect_dest=results|collect_robots=robot1|'\{.*\}')( --check)?": COLLECT,
     r"ansible-playbook rosops\.fleet\.awx_setup -e @my-awx\.yml": "tests/unit/playbooks/test_awx_setup.py"
     "::test_an_awx_has_it_all_and_a_second_run_changes_nothing",
+    r"rosops-may robot1( --app arm| --(hold 600|release) --owner apt)?": "tests/unit/test_other_updaters.py"
+    "::test_commands",
     r"ansible-playbook -i my-lab rosops\.fleet\.update_test --limit lab1,edge1 .*": REHEARSAL,
 }
 WORDS = {"PLAY ": r"ansible-playbook rosops\.fleet\.", "LIMIT": r"--limit robot\d"}

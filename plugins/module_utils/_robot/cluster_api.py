@@ -85,9 +85,9 @@ class Cluster:
         there = {str(item["metadata"]["namespace"]): item for item in found}
         return {name: there.get(name) for name in spaces}
 
-    def lease(self, namespace: str) -> Object | None:
+    def lease(self, namespace: str, newest: bool = False) -> Object | None:
         # out of the server's memory: an older one is refused when it is written
-        return self._get(_path(namespace, "Lease", LEASE), {"resourceVersion": "0"})
+        return self._get(_path(namespace, "Lease", LEASE), {} if newest else {"resourceVersion": "0"})
 
     def write_lease(self, namespace: str, lease: Object) -> Object | None:
         """The Lease as it is now; None if somebody else was faster."""
@@ -243,6 +243,12 @@ class Cluster:
 
 def _path(namespace: str, kind: str, name: str = "") -> str:
     return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{name}" if name else "")
+
+
+def lease_time(seconds: float) -> str:
+    """A time since 1970 as a Lease has it."""
+    whole = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
+    return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
 
 
 class LostError(FleetError):

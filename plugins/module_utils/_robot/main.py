@@ -12,16 +12,20 @@ import signal
 import sys
 import threading
 import time
+from typing import Mapping
 
 from .._common.errors import KubeError
 from .._exporter import exporter
 from .._ros.client import Ros1Client
+from .._ros.keeper_client import KeeperCalls
 from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import FLEET, KEEPER_PORT
 from .cluster_api import ACCOUNT, Cluster, in_cluster
+from .door import PATH, Door
 from .goal_forwarding import SWITCHED_OFF, GoalForwarding
+from .holds import Holds
 from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
 from .memory import KeptFiles
@@ -97,8 +101,12 @@ def main(words: list[str]) -> int:
     shown = exporter.Exporter(uri, chosen, tell)
     for path, page in shown.pages.items():
         slave.show(path, page)
-    if chosen["--keep"] == "off":
-        return show_metrics(slave, shown, code)
+    return keep(slave, shown, chosen, code) if chosen["--keep"] == "on" else show_metrics(slave, shown, code)
+
+
+def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code: str) -> int:
+    """All that is kept of one master's graph, until it is told to end, or its code has changed."""
+    uri = slave.master_uri
     kept, ros = KeptFiles(chosen["--record"]), Registrar(uri, TIMEOUT, NAME)
     keeper = Keeper(ros, kept, tell, uri=slave.uri)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
@@ -119,12 +127,16 @@ def main(words: list[str]) -> int:
     latched = LatchedTopics(ros, slave, kept, tell)
     latched.resume()
     slave.register({"keep_latched": latched.keep})
-    slave.start()
-    shown.start()
     watch = None
     if cluster:
-        robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence)
-        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, kept, tell)
+        client = Ros1Client(uri, TIMEOUT, NAME)
+        holds = Holds(cluster, client, KeeperCalls(slave.uri, NAME), kept)
+        robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence, holds.watch)
+        watch = StepWatch(cluster, client, robot, kept, tell)
+        slave.show(PATH, Door(holds, watch.left_over).page)
+    slave.start()
+    shown.start()
+    if cluster and watch:
         threading.Thread(target=watch.run, daemon=True).start()
         if cluster.home != FLEET:  # a shared master's keeper is no robot's
             gates = Readiness(cluster, uri, latched.keep, tell)

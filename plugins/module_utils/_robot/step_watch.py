@@ -19,7 +19,7 @@ from .._step import update_record
 from .._step.objects import Object, name_of, node_of, rolled_out, version_of
 from .._step.record import mark_of, record_name, record_of, soaks
 from .._step.words import FLEET, SOAKING, UPDATING
-from .cluster_api import ApiError, Claim, Cluster, LostError, read_records
+from .cluster_api import ApiError, Claim, Cluster, LostError, lease_time, read_records
 from .memory import KeptFiles, Silence
 from .open_goals import Goals, open_goals
 from .soak import Soak
@@ -42,6 +42,7 @@ class Robot:
     release: Callable[[str], list[Any]]
     take_back: Callable[[Iterable[str]], None]  # services, by these nodes where they live
     silence: Callable[[], Silence]  # which nodes do not answer
+    watch_hold: Callable[[str, Object | None], object]  # of somebody else's update, by a namespace and its Lease
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,7 @@ class StepWatch:
             seen.lease(leases[namespace], began)
         for namespace, seen in known.items():
             try:
+                self.robot.watch_hold(namespace, leases[namespace])
                 self._look(namespace, seen)
                 self._tell(namespace, "")
             except FleetError as error:
@@ -121,6 +123,11 @@ class StepWatch:
     def rests(self) -> bool:
         """Whether, as far as was seen, nobody takes a step, and none has been left."""
         return bool(self.observed) and all(seen.free and seen.nothing is not None for seen in self.observed.values())
+
+    def left_over(self, namespace: str, lease: Object | None) -> bool:
+        """Whether whoever has this Lease has gone: as far as was seen, it was left for its whole time."""
+        seen = self.observed.get(namespace)
+        return seen is not None and seen.over and seen.version == version_of(lease)
 
     def _tell(self, about: str, text: str) -> None:
         """What is so now; once, and not again before it changes."""
@@ -296,6 +303,4 @@ class StepWatch:
             self.log(f"{step.name}: services were not given back: {error}")
 
     def _time(self) -> str:
-        seconds = self.wall()
-        whole = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
-        return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
+        return lease_time(self.wall())

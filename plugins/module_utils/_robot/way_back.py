@@ -24,6 +24,7 @@ from .._step.objects import (
     annotations_of,
     app_of,
     crashes,
+    duration_of,
     error_of,
     hash_of,
     holder_of,
@@ -38,7 +39,7 @@ from .._step.objects import (
 )
 from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
 from .._step.update_record import by_run, went_back
-from .._step.words import KEEPER, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
+from .._step.words import KEEPER, SOAKING, UPDATING, WENT_BACK
 
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
 
@@ -190,6 +191,7 @@ class Observed:
         """`came_up` are the keys of steps that an earlier keeper saw rolled out."""
         self.version = ""  # the Lease's
         self.free = False
+        self.over = False  # whoever has it has left it for its whole time
         # the Lease's version at which nothing was marked, and the record of updates said what became of the steps
         self.nothing: str | None = None
         self.came_up = frozenset(came_up)
@@ -207,12 +209,11 @@ class Observed:
         """A look begins: whether somebody takes steps here. It is free where it has no holder, or stood still."""
         self.passed = 0.0 if self._last is None else now - self._last
         self._last = now
-        spec = (lease or {}).get("spec") or {}
         version = version_of(lease)
         self._unchanged = self._unchanged + self.passed if version == self.version else 0.0
         self.version = version
-        mine = holder_of(lease) in ("", KEEPER)
-        self.free = mine or self._unchanged >= float(spec.get("leaseDurationSeconds") or LEASE_SECONDS)
+        self.over = self._unchanged >= duration_of(lease)
+        self.free = holder_of(lease) in ("", KEEPER) or self.over
         if not self.free:
             self.waited, self.nothing = {}, None
 

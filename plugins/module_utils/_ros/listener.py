@@ -20,7 +20,7 @@ TICK = 0.01
 
 
 class Listener:
-    """The streams of what some conditions are about. They stay open until their process ends."""
+    """The streams of what some conditions are about. They stay open until they are closed, or their process ends."""
 
     def __init__(self, ros: Master, conditions: Sequence[ValueCondition]) -> None:
         self._ros = ros
@@ -40,6 +40,9 @@ class Listener:
         self._await_values()
         with self._lock:
             return [check_value(graph, one, time.monotonic()) for one in self._heard]
+
+    def close(self) -> None:
+        self._streams.keep(())
 
     def _left(self, source: Source) -> None:
         with self._lock:

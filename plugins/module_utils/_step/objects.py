@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any, Dict, Iterable, Iterator, Mapping, Sequence
 
 from .._ros.graph import host_of
-from .words import APP, HANDOFF, HASH, NODE, READINESS, REVISION
+from .words import APP, HANDOFF, HASH, LEASE_SECONDS, NODE, OWNER, READINESS, REVISION
 
 STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
 IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
@@ -176,6 +176,17 @@ def version_of(lease: Object | None) -> str:
 
 def holder_of(lease: Object | None) -> str:
     return str(((lease or {}).get("spec") or {}).get("holderIdentity") or "")
+
+
+def owner_of(lease: Object | None) -> str:
+    """The name of an owner that is neither a run nor the keeper; empty: none of them has it."""
+    holder = holder_of(lease)
+    return holder[len(OWNER) :] if holder.startswith(OWNER) else ""
+
+
+def duration_of(lease: Object | None) -> float:
+    """Seconds from its last renewal to its end."""
+    return float(((lease or {}).get("spec") or {}).get("leaseDurationSeconds") or LEASE_SECONDS)
 
 
 def lease_with(holder: str, found: Object, me: str, seconds: int, at: str) -> Object:

@@ -33,6 +33,9 @@ KEEPER_PORT = 11411
 # a run's, or the keeper's, while it changes the robot
 LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
+OWNER = "rosops-may/"  # before the name of whoever else changes the robot: who has its Lease for as long as that says
 # the ConfigMap `<app>-update`, see `record.Record`
 CONTRACT = "contract.json"
 HISTORY = "history.json"
+# the ConfigMap of a robot that says when it may be changed, see `_robot/door.py`
+REST, REST_KEY = "robot-rest", "rest.json"

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from ...module_utils._step.objects import Object, holder_of, lease_with
+from ...module_utils._step.objects import Object, duration_of, holder_of, lease_with
 from .cache import Ref
 from .client import Kube
 from .connection import ApiError
@@ -21,12 +21,19 @@ from .connection import ApiError
 
 @dataclass(frozen=True)
 class Hold:
-    """Who has the Lease: `mine` if we do, else `holder`; since `since`, last heard of at `renewed` (RFC 3339)."""
+    """Who has the Lease: `mine` if we do, else `holder`; since `since`, last heard of at `renewed` (RFC 3339), for so
+    many `seconds`."""
 
     mine: bool
     holder: str
     since: str = ""
     renewed: str = ""
+    seconds: float = 0.0
+
+    @property
+    def until(self) -> float:
+        """When it ends by its holder's clock, in seconds since 1970."""
+        return datetime.fromisoformat(self.renewed).timestamp() + self.seconds if self.renewed else 0.0
 
 
 class Lease:
@@ -92,4 +99,5 @@ class Lease:
 
 def _hold(lease: Object, me: str) -> Hold:
     spec, holder = lease.get("spec") or {}, holder_of(lease)
-    return Hold(holder == me, holder, str(spec.get("acquireTime") or ""), str(spec.get("renewTime") or ""))
+    since, renewed = (str(spec.get(key) or "") for key in ("acquireTime", "renewTime"))
+    return Hold(holder == me, holder, since, renewed, duration_of(lease))

@@ -8,7 +8,7 @@ keys.py it travels as an Ansible fact.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
@@ -182,6 +182,13 @@ def graph_namespace(app: App, robot: Robot) -> str:
 def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
     """The full ROS node name of an app, with the revision's suffix where it has one."""
     return resolve(app.node_name + suffix, graph_namespace(app, robot), "")
+
+
+def wanted_before(robot: Robot, apps: Iterable[App] = ()) -> list[dict[str, Any]]:
+    """What messages must say before these apps are changed, or anything of the robot; with full names."""
+    said = [(item, own_space(robot)) for item in robot.when]
+    said += [(item, graph_namespace(app, robot)) for app in apps for item in app.update.when]
+    return [{**item, "topic": resolve(item["topic"], space, "")} for item, space in said]
 
 
 def _settled(app: App, said: Variables, robot: Robot) -> App:

@@ -1,63 +1,47 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Windows of time in which a robot may be changed, by the clock where it works. Pure."""
+"""Windows of time by the database of time zones, which the control node has. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
 from dataclasses import dataclass
-from datetime import date, datetime, time, timedelta
-from typing import TypedDict
+from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
-DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
-AHEAD = 15  # days: in one week a window may fall into the hour that a zone's clock leaves out
+from ...module_utils._step import windows
+from ...module_utils._step.windows import Turn
 
-
-# an item of update_windows; hours and minutes
-Span = TypedDict("Span", {"days": Sequence[str], "from": str, "to": str}, total=False)
+# For which the keeper is told a zone's turns: the same ones on every day, so that no run changes them.
+YEARS, DAY, MINUTE = (2025, 2051), 86400, 60
 
 
 @dataclass(frozen=True)
-class Windows:
-    """`zone` is a name of the IANA time zone database.
+class Windows(windows.Windows):
+    """Those of the inventory."""
 
-    A span begins on its days (on all without any) at `from`, and ends at `to`, on the day after where that is not
-    later. Without spans the robot may be changed at any time.
-    """
+    @property
+    def clock(self) -> ZoneInfo:
+        return ZoneInfo(self.zone)
 
-    spans: tuple[Span, ...] = ()
-    zone: str = "UTC"
-
-    def __bool__(self) -> bool:
-        """Whether there is a time in which the robot may not be changed."""
-        return bool(self.spans)
-
-    def opens_at(self, wall: float) -> float:
-        """When the robot may be changed, `wall` or later; both in seconds since 1970."""
-        if not self.spans:
-            return wall
-        zone = ZoneInfo(self.zone)
-        today = datetime.fromtimestamp(wall, zone).date()
-        days = [today + timedelta(days=number) for number in range(-1, AHEAD)]
-        found = [
-            _seconds(span, day, zone)
-            for span in self.spans
-            for day in days
-            if not span.get("days") or DAYS[day.weekday()] in span["days"]
-        ]
-        return min(max(start, wall) for start, end in found if start < end and wall < end)
-
-    def told(self, opens: float) -> str:
-        """This moment in words."""
-        return f"{datetime.fromtimestamp(opens, ZoneInfo(self.zone)):%Y-%m-%d %H:%M} ({self.zone})"
+    @property
+    def kept(self) -> dict[str, object]:
+        """As the keeper reads them."""
+        return {"spans": self.spans, "zone": self.zone, "turns": _turns(self.zone) if self.spans else ()}
 
 
 ALWAYS = Windows()
 
 
-def _seconds(span: Span, day: date, zone: ZoneInfo) -> tuple[float, float]:
-    """Its start and its end; where the zone's clock is turned the end may come first."""
-    start, end = (timedelta(hours=int(text[:2]), minutes=int(text[3:])) for text in (span["from"], span["to"]))
-    end += timedelta(days=end <= start)
-    midnight = datetime.combine(day, time(), zone)  # what is added to it counts by the clock
-    return (midnight + start).timestamp(), (midnight + end).timestamp()
+@functools.cache
+def _turns(zone: str) -> tuple[Turn, ...]:
+    clock, (begin, end) = ZoneInfo(zone), (int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) for year in YEARS)
+
+    def offset(wall: int) -> float:
+        return (datetime.fromtimestamp(wall, clock).utcoffset() or timedelta()).total_seconds()
+
+    found: list[Turn] = [(begin, offset(begin))]
+    for day in range(begin, end, DAY):
+        if offset(day + DAY) != found[-1][1]:
+            turn = next(wall for wall in range(day, day + DAY + 1, MINUTE) if offset(wall) != found[-1][1])
+            found.append((turn, offset(turn)))
+    return tuple(found)

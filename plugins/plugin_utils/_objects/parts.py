@@ -22,6 +22,7 @@ from .common import Files
 from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
 from .pod_settings import full_name
+from .rest import rest_maps
 from .rights import keeper_access
 
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
@@ -45,8 +46,8 @@ def ground_objects(
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 
-    These are namespace, Secrets, claims, the code in the pods, the files of versions to come, apps' Services, and what
-    only shows the graph of an external master.
+    These are namespace, Secrets, claims, the code in the pods, what their keeper has to know, the files of versions to
+    come, apps' Services, and what only shows the graph of an external master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """
@@ -58,7 +59,7 @@ def ground_objects(
     if STORAGE in parts:
         found += storage_objects(robot)
     if MASTER in parts or APPS in parts:
-        found += code_maps(robot, code)
+        found += [*code_maps(robot, code), *rest_maps(robot)]
     if APPS in parts:
         found += belongings(robot)
     if MASTER in parts and robot.master.mode == "external":

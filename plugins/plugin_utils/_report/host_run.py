@@ -42,8 +42,9 @@ class HostRun:
     @classmethod
     def from_dict(cls, told: Document) -> HostRun:
         """What `as_dict` made of it; raises one of SPOILT for what is of another shape."""
-        names, changed = (str(told[key]) for key in ("host", "playbook", "started")), int(told.get("changed") or 0)
-        return cls(*names, RobotOutcome.from_dict(told), changed, str(told.get("failed_task") or ""))
+        host, playbook, started = (str(told[key]) for key in ("host", "playbook", "started"))
+        changed, task = int(told.get("changed") or 0), str(told.get("failed_task") or "")
+        return cls(host, playbook, started, RobotOutcome.from_dict(told), changed, task)
 
 
 def note_of(reason: str, failed_task: str) -> str:

@@ -46,9 +46,11 @@ def status_page(status: Status, made: str, previous: str = "", limit: str = "", 
 
 
 def _rendered(status: Status, made: str, limit: str, name: str) -> str:
-    layout = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
     loader = FileSystemLoader(Path(__file__).parent)
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, finalize=_text, **layout)
+    environment = Environment(
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+        loader=loader, autoescape=True, undefined=StrictUndefined, finalize=_text,
+    )  # fmt: skip
     environment.filters.update(digest=_digest, when=when, words=words)
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)

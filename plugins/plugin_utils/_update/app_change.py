@@ -12,6 +12,7 @@ from ...module_utils._common.errors import FleetError, NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
 from ...module_utils._step.objects import app_of
 from ...module_utils._step.record import Record, mark_of
+from ...module_utils._step.rest import own_nodes
 from ...module_utils._step.update_record import run_of
 from ...module_utils._step.words import SOAKING
 from .._model import names
@@ -22,7 +23,6 @@ from .addresses import SERVING
 from .change import StaysError, StepChange
 from .hands import MASTER_SECONDS, BusyError, Hands, Rest
 from .manifests import beside, early, found_good, fulfilled, marked
-from .nodes import own_nodes
 from .outcome import WAITING, StepResult
 from .plan import Step, promised
 from .revisions import identity, key_of

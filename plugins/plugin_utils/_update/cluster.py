@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from ...module_utils._common.errors import KubeError
-from ...module_utils._step.words import LEASE, LEASE_SECONDS
+from ...module_utils._step.words import LEASE, LEASE_SECONDS, OWNER
 from .._kube.applied import Applied
 from .._kube.cache import Ref, parse_refs
 from .._kube.client import Kube, ref_of
@@ -90,8 +90,13 @@ class KubeCluster:
             claim.confirm()
 
     def _take(self, lease: Lease) -> _Claim:
-        """A holder that lives renews its Lease; one that was killed does not, and its time runs out."""
+        """A holder that lives renews its Lease; one that was killed does not, and its time runs out.
+
+        The update of another tool writes it once, for as long as that may take.
+        """
         claim, hold = _Claim(lease), lease.acquire()  # its time begins before it is asked for
+        if hold.holder.startswith(OWNER) and time.time() < hold.until:
+            raise HeldError(f"{hold.holder} holds this robot since {hold.since}; let that end")
         if not hold.mine:
             self._say(f"waits whether the run of {hold.holder}, which began {hold.since}, still lives")
         first = hold.renewed

@@ -21,17 +21,16 @@ from ...module_utils._common.poll import PASS
 from ...module_utils._ros import contract as ros_contract
 from ...module_utils._ros.graph import Graph
 from ...module_utils._step.objects import hash_of
+from ...module_utils._step.rest import actions_to_rest, nodes_below
 from ...module_utils._step.words import CONTRACT
-from .._model.context import Robot
+from .._model.context import Robot, own_space, wanted_before
 from .._objects.common import config_map, owner_labels
 from .change import Change
 from .cluster import KubeCluster
 from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings, World
-from .nodes import robots_nodes
 from .outcome import StepResult
-from .plan import Step, wanted_before
+from .plan import Step
 from .revisions import key_of
-from .step import actions_to_rest
 from .world import AwayError, Calm, CancelledError, Object
 
 PAUSE = 1.0  # between two looks at what comes up
@@ -237,7 +236,7 @@ class Ward(Hands):
     def record(self) -> None:
         """Its graph as it is now; RosError."""
         self.learn(self.host.graph(self.master))
-        nodes = robots_nodes(self.graph, self.robot)
+        nodes = nodes_below(self.graph, own_space(self.robot))
         self.calm = Calm(actions_to_rest(self.graph, nodes), wanted_before(self.robot), self.robot.windows)
         if self.contract is None:
             well = [_name(item) for item in self.live.deployments if _available(item)]

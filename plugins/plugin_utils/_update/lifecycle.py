@@ -15,11 +15,11 @@ from dataclasses import replace
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import app_of, handoff_of, node_of
-from .._model.context import Robot
+from .._model.context import Robot, wanted_before
 from .._objects.master import keeper_objects
 from .._objects.parts import APPS
 from .addresses import NAMES, SERVING
-from .plan import INSTALL, REMOVE, Plan, Request, Step, promised, wanted_before
+from .plan import INSTALL, REMOVE, Plan, Request, Step, promised
 from .revisions import described, files_owner, identity, kept, key_of
 from .world import Live, Object
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from ...module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
 from ...module_utils._robot.latched import worth_keeping
 from ...module_utils._ros.contract import Intended
-from ...module_utils._ros.graph import Graph, host_of, names_of
-from ...module_utils._ros.names import is_tool, matches, resolve
+from ...module_utils._ros.graph import Graph, names_of
+from ...module_utils._ros.names import matches, resolve
 from ...module_utils._step.objects import node_of, suffix_of
-from .._model import context, names
+from .._model import context
 from .._model.app import App
 from .._model.context import Robot
 from .world import Object
@@ -32,35 +32,6 @@ MOVING = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "trajectory_msgs/
 MOVING_PACKAGES = ("ackermann_msgs/", "control_msgs/", "mavros_msgs/")
 # These say what follows from the robot's description alone: two of them say the same.
 AGREEING = ("state_publisher", "static_transform")
-
-
-def own_nodes(
-    named: Mapping[str, str], graph: Graph, pods: Iterable[Object], versions: Mapping[str, str] | None = None
-) -> dict[str, list[str]]:
-    """App -> its nodes, that of `named` first, whether it is in the graph or not.
-
-    What a launch file starts has names of its own, but its pod's address, and where versions overlap the version behind
-    its names (`versions`), whichever pod is there by now. An address of several apps' pods (that of the host, where
-    they share its network) tells nothing.
-    """
-    apps_at: dict[str, set[str]] = {}
-    for pod in pods:
-        address = (pod.get("status") or {}).get("podIP")
-        if address:
-            apps_at.setdefault(address, set()).add(pod["metadata"]["labels"].get(names.LABEL_APP, ""))
-    at = [(node.name, host_of(node.uri)) for name in graph.names if not is_tool(name) for node in graph.named(name)]
-    found = {}
-    for app, name in named.items():
-        version = (versions or {}).get(app) or "/"  # with which no name ends
-        others = [node for node, address in at if apps_at.get(address) == {app} or node.endswith(version)]
-        found[app] = list(dict.fromkeys([*([name] if name else []), *others]))
-    return found
-
-
-def robots_nodes(graph: Graph, robot: Robot) -> list[str]:
-    """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
-    below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
-    return [name for name in graph.names if name.startswith(below) and not is_tool(name)]
 
 
 @dataclass(frozen=True)

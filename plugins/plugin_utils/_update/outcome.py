@@ -165,7 +165,12 @@ def _events(result: StepResult) -> list[dict[str, Any]]:
     """A step's result as one event per app."""
     # not the time at which this is worked out: the same step gives the same bytes in every later apply
     finished = round(result.started + sum(result.phases.values()), 3)
-    whole = {"id": result.id, "step": result.name, "handoff": result.handoff, "outcome": result.outcome or RUNNING}
+    whole: dict[str, Any] = {
+        "id": result.id,
+        "step": result.name,
+        "handoff": result.handoff,
+        "outcome": result.outcome or RUNNING,
+    }
     whole |= {"reason": result.reason[:REASON_KEPT], "started": round(result.started, 3), "finished": finished}
     whole |= {"phases": dict(result.phases), "busy_wait": result.phases.get("wait", 0.0)}
     return [{**whole, "app": app, **_sides(result, app)} for app in result.apps]

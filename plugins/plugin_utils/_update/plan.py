@@ -132,13 +132,6 @@ def promised(robot: Robot, apps: Collection[str]) -> Object:
     return graph_conditions(replace(robot, apps=tuple(app for app in robot.apps if app.name in apps)))
 
 
-def wanted_before(robot: Robot, apps: Iterable[App] = ()) -> list[Object]:
-    """What messages must say before these apps are changed, or anything of the robot; with full names."""
-    said = [(item, context.own_space(robot)) for item in robot.when]
-    said += [(item, context.graph_namespace(app, robot)) for app in apps for item in app.update.when]
-    return [{**item, "topic": resolve(item["topic"], space, "")} for item, space in said]
-
-
 def update_plan(
     robot: Robot,
     desired: Desired,
@@ -213,7 +206,7 @@ class _Robot:
             ),
             idle=self._full((app, name) for app in apps.values() for name in app.update.idle),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
-            when=wanted_before(self.robot, apps.values()),
+            when=context.wanted_before(self.robot, apps.values()),
             windows=self.robot.windows,
             intended=intended(apps.values(), self.robot, old_nodes, back),
             patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),

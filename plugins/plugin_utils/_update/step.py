@@ -14,9 +14,10 @@ from ...module_utils._ros.graph import Graph, NodeKey, host_of, names_of
 from ...module_utils._ros.names import is_keeper, is_tool
 from ...module_utils._step.objects import app_of, crashes
 from ...module_utils._step.record import Record
+from ...module_utils._step.rest import actions_to_rest, own_nodes
 from .._images.archive import normal_ref
 from .._model import names
-from .nodes import Launched, Succession, allowed, obstacle, own_nodes, succession
+from .nodes import Launched, Succession, allowed, obstacle, succession
 from .plan import Step
 from .revisions import read_records
 from .world import Calm, Live, Object
@@ -230,27 +231,6 @@ def _nameless(graph: Graph, pods: Iterable[Object]) -> list[str]:
         "subscriber. Give it a name (__name:=)"
         for name in graph.names
         if (host := host_of(graph.node(name).uri)) in apps and is_tool(name) and not is_keeper(name)
-    ]
-
-
-def actions_to_rest(graph: Graph, nodes: Collection[str], besides: Iterable[str] = ()) -> list[dict[str, str]]:
-    """Actions that have to be idle before these nodes are replaced: those that the nodes serve on the graph, whether or
-    not the inventory lists them, and `besides`.
-
-    `server` stands where it is one of them: goals that come meanwhile are for the next one. An action that nobody
-    serves cannot be busy. A server that lives and tells nothing may be.
-    """
-    # nothing listens where a dead one was; one that only does not answer may be at work
-    served = {
-        name: names_of(key for key in action.servers if not graph.at(key).refused)
-        for name, action in graph.actions.items()
-    }
-    replaced = {name: [one for one in servers if one in nodes] for name, servers in served.items()}
-    wanted = dict.fromkeys([*(name for name in sorted(replaced) if replaced[name]), *besides])
-    return [
-        {"name": name, **({"server": replaced[name][0]} if replaced[name] else {})}
-        for name in wanted
-        if served.get(name)
     ]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import idle_robot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
@@ -46,10 +47,10 @@ class Run:
         self.main, self.looked, self.heard, self.verdict = main, list[Any](), list[Any](), PASS
         monkeypatch.setattr(FakeKeeper, "calls", [])
         monkeypatch.setattr(ros_action_hold, "KeeperCalls", FakeKeeper)
-        monkeypatch.setattr(ros_action_hold, "look", self.look)
+        monkeypatch.setattr(idle_robot, "look", self.look)
         self.told = list[Any]()
         monkeypatch.setattr(ros_action_hold.Ros1Client, "state", lambda _self: MasterState(*ENDS))
-        monkeypatch.setattr(ros_action_hold, "tell_publishers", lambda *told: self.told.append(told[:3]))
+        monkeypatch.setattr(idle_robot, "tell_publishers", lambda *told: self.told.append(told[:3]))
         monkeypatch.setattr(
             ros_action_hold.Ros1Client, "addresses", lambda _self, names: ({one: one for one in names},)
         )
@@ -100,7 +101,7 @@ def test_what_messages_must_say_is_listened_to_from_look_to_look(run: Run) -> No
 
 def test_what_messages_say_instead_is_told_with_its_topic(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     check = Check("value", "/battery percentage above 0.4", WAIT, "is 0.2, not above 0.4")
-    monkeypatch.setattr(ros_action_hold, "look", lambda *_given, **_more: Look(WAIT, [check]))
+    monkeypatch.setattr(idle_robot, "look", lambda *_given, **_more: Look(WAIT, [check]))
     assert run(timeout=0)["reason"] == "value /battery percentage above 0.4: is 0.2, not above 0.4"
 
 

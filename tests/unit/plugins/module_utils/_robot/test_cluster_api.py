@@ -89,7 +89,12 @@ def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster) -> None:
     assert second is not None
     assert second["spec"]["holderIdentity"] == ""
     assert cluster.write_lease(SPACE, lease_with(KEEPER, first, KEEPER, 15, "T")) is None
-    assert cluster.lease(SPACE) == second
+    assert cluster.lease(SPACE, newest=True) == second
+
+
+def test_a_lease_that_decides_is_not_an_older_one(cluster: Cluster, server: Server) -> None:
+    cluster.lease(SPACE, newest=True)
+    assert server.seen()[1] == {}
 
 
 def test_it_evicts_this_very_pod_and_says_so(cluster: Cluster, server: Server) -> None:

@@ -1,15 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that the keeper was begun from, laid out as the kubelet does it."""
+"""The keeper's process: the files that it was begun from, and what it is composed of."""
 
 from __future__ import annotations
 
+import os
+import socket
+import subprocess
+import sys
 from pathlib import Path
 
+import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import FakeClient, FakeMaster, FakeServer
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
+    environment,
+    start_server,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import (
+    SPACE,
+    rosops_may,
+)
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
 def volume(directory: Path, version: str) -> None:
-    """A ConfigMap's volume with this version of its files."""
+    """A ConfigMap's volume with this version of its files, laid out as the kubelet does it."""
     (directory / version).mkdir()
     (directory / version / "run.py").write_text(version)
     (directory / "..data_tmp").symlink_to(version)
@@ -24,3 +42,42 @@ def test_other_files_than_it_was_begun_from_are_noticed(tmp_path: Path) -> None:
     volume(tmp_path, "..2026_01_02")
     assert code_of(str(tmp_path / "run.py")) != begun
     assert code_of(str(tmp_path / "by hand" / "run.py")) == ""  # no kubelet brings others there
+
+
+def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The keeper's own process, an action on loopback, an API server with TLS, and `rosops-may`."""
+    may, peers, code = rosops_may(), Peers(), tmp_path / "code"
+    code.mkdir()
+    for name, text in app_files().items():
+        (code / name).write_text(text)
+    api, master = start_server(tmp_path, SPACE), FakeMaster(peers)
+    client, server = FakeClient(master), FakeServer(master)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    (rest,) = rest_maps(robot({"name": "worker", "image": "a:1", "pattern": "action"}))
+    api.put(f"/api/v1/namespaces/{SPACE}/configmaps/robot-rest", rest)
+    around = {**environment(api), "ROS_MASTER_URI": master.uri, "ROS_IP": "127.0.0.1"}
+    for key, value in around.items():
+        monkeypatch.setenv(key, value)
+    monkeypatch.delenv("KUBECONFIG", raising=False)
+    monkeypatch.setattr(may, "ACCOUNT", tmp_path)
+    options = ["--record", str(tmp_path / "record"), "--port", port, "--account", str(tmp_path)]
+    words = [sys.executable, "-I", "-S", str(code / "run.py"), "keeper", *options]
+    keeper = subprocess.Popen(words, stdout=subprocess.DEVNULL, env={**os.environ, **around})  # noqa: S603 - our own
+    try:
+        ask = ["robot1", "--url", f"http://127.0.0.1:{port}"]
+        until(lambda: may.main(ask) == 0)
+        assert may.main([*ask, "--owner", "me", "--hold", "60"]) == 0
+        client.send("one")
+        assert may.main(ask) == 75
+        assert server.got == []
+        assert may.main([*ask, "--owner", "me", "--release"]) == 0
+        until(lambda: server.got == ["one"])
+        assert may.main(ask) == 75  # at work
+    finally:
+        keeper.terminate()
+        keeper.wait(10)
+        server.end(master)
+        client.stop()
+        peers.close()
+        api.stop()

@@ -77,7 +77,7 @@ class World:
         self.watch = self.start()
 
     def start(self) -> StepWatch:
-        robot = Robot(self.hold, self.release, self.take_back, lambda: self.silence)
+        robot = Robot(self.hold, self.release, self.take_back, lambda: self.silence, lambda *_: None)
         return StepWatch(self, self, robot, self, self.said.append, lambda: self.at, lambda: 0.0, self.sleep)  # type: ignore[arg-type]
 
     def sleep(self, seconds: float) -> None:

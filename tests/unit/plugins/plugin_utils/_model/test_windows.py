@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import json
 from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.windows import Windows as KeptWindows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
 
 BERLIN = "Europe/Berlin"
@@ -68,3 +70,27 @@ def test_when_clocks_are_turned() -> None:
         start = seconds(f"{day} 01:00")
         assert night.opens_at(start + hours * 3600 - 1) == start + hours * 3600 - 1
         assert night.opens_at(start + hours * 3600) > start + hours * 3600
+
+
+ZONES = [BERLIN, "America/Sao_Paulo", "Australia/Lord_Howe", "Africa/Casablanca", "Asia/Kolkata", "UTC"]
+
+
+@pytest.mark.parametrize("zone", ZONES)
+@pytest.mark.parametrize(
+    "span", [NIGHT, {"from": "01:30", "to": "02:15"}, {"days": ["sun"], "from": "02:30", "to": "03:30"}]
+)
+def test_the_keeper_knows_them_without_a_database_of_zones(zone: str, span: Any) -> None:
+    """Around each turn of the clock."""
+    ours = Windows((span,), zone)
+    told = json.loads(json.dumps(ours.kept))
+    keepers = KeptWindows(told["spans"], told["zone"], told["turns"])
+    turns = [float(since) for since, _offset in told["turns"]]
+    assert len(turns) > 40 or zone in ("America/Sao_Paulo", "Asia/Kolkata", "UTC")
+    moments = [turn + minutes * 60.0 for turn in turns for minutes in range(-180, 180, 30)]
+    for wall in [moment for moment in moments if moment >= turns[0]]:
+        opens_at = ours.opens_at(wall)
+        assert (keepers.opens_at(wall), keepers.told(opens_at)) == (opens_at, ours.told(opens_at))
+
+
+def test_who_has_no_windows_is_told_of_no_clock() -> None:
+    assert Windows(zone=BERLIN).kept == {"spans": (), "zone": BERLIN, "turns": ()}

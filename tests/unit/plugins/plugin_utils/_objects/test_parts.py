@@ -48,8 +48,8 @@ def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     assert ground == {
         "namespace": ["Namespace robot-robot1", *keeper, "Secret pull"],
         "storage": ["PersistentVolumeClaim data-pvc"],
-        "master": [*keeper, "ConfigMap rosops-code"],
-        "apps": ["ConfigMap rosops-code"],
+        "master": [*keeper, "ConfigMap rosops-code", "ConfigMap robot-rest"],
+        "apps": ["ConfigMap rosops-code", "ConfigMap robot-rest"],
         "ready": [],
     }
     external = robot(master={"mode": "external", "uri": "http://h:11311"}, observability={"enabled": True})

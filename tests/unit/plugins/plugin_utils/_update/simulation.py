@@ -15,12 +15,12 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, poll
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen as Look
-from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import CONSECUTIVE, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_hold import CONSECUTIVE, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING

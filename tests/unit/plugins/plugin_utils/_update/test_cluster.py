@@ -175,6 +175,29 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
             one.confirm()
 
 
+def test_the_hold_of_another_tool_is_not_waited_for_but_after_its_end(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server.put("/api/v1/namespaces/r", {"metadata": {}})
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        ours = KubeCluster(kube, lambda _text: None, "us")
+        spec = {"holderIdentity": "rosops-may/apt", "leaseDurationSeconds": 600, "acquireTime": "noon"}
+        server.put(
+            LEASE_PATH, {"metadata": {"namespace": "r"}, "spec": {**spec, "renewTime": "2026-07-01T00:00:00.000000Z"}}
+        )
+        monkeypatch.setattr(time, "time", lambda: 1782864000.0 + 599)
+        monkeypatch.setattr(time, "sleep", lambda _seconds: pytest.fail("it waits"))
+        told = "rosops-may/apt holds this robot since noon; let that end"
+        with pytest.raises(HeldError, match=told), ours.claim("r"):
+            pytest.fail("the owner has it")
+        # a keeper would have freed it by now; where there is none it ends as that of a run
+        monkeypatch.setattr(time, "time", lambda: 1782864000.0 + 600)
+        free = {"metadata": {"namespace": "r"}, "spec": {"holderIdentity": ""}}
+        monkeypatch.setattr(time, "sleep", lambda _seconds: server.put(LEASE_PATH, free))
+        with ours.claim("r"):
+            assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
+
+
 def test_a_job_of_awx_is_named_as_awx_names_it() -> None:
     known = {"awx_job_id": 22, "awx_job_template_name": "fleet update"}
     assert re.fullmatch(r"AWX job 22 \(fleet update\), [0-9a-f]{8}", run_name(known))

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._step.rest import actions_to_rest, nodes_below
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
@@ -24,9 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import robots_nodes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object, Seen
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, settings
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import EPOCH, FOREVER
@@ -478,7 +477,7 @@ def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:
     }
     actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
     graph = graph_from({"nodes": nodes, "actions": actions})
-    own = robots_nodes(graph, TWO[0])
+    own = nodes_below(graph, "/robot1")
     assert own == ["/robot1/dead", "/robot1/planner", "/robot1/silent"]
     # a server that does not answer may be at work, one that is gone is not
     assert [one["server"] for one in actions_to_rest(graph, own)] == ["/robot1/planner", "/robot1/silent"]

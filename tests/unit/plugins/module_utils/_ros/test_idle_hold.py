@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, Seen
-from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import SECOND_LOOK, Held, hold_when_idle
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_hold import SECOND_LOOK, Held, hold_when_idle
 
 WORK = {"/work": "/worker"}
 

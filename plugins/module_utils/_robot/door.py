@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The door: whether a robot may be changed now, its graph and its apps, over HTTP and as JSON.
+
+It is only asked. Who holds a robot writes its Lease, and the API server says whether he may: so there is nothing here
+that would have to be guarded from other pods. docs/other-updaters.md is its manual.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from dataclasses import asdict, dataclass
+from typing import Callable
+
+from .._common.documents import Data, Document
+from .._common.errors import FleetError, SpecError
+from .._common.poll import PASS
+from .._ros.backend import Questions, everything
+from .._ros.conditions import conditions_from
+from .._ros.graph import Graph
+from .._ros.graph_json import graph_data
+from .._ros.idle_hold import hold_when_idle
+from .._ros.idle_robot import IdleRobot, reason_of
+from .._ros.raw_node import Asked, Said
+from .._step.objects import Object, holder_of, name_of, node_of, revision_of, suffix_of, version_of
+from .._step.record import answer, soaks
+from .._step.rest import actions_to_rest, nodes_below, own_nodes
+from .._step.windows import Windows
+from .._step.words import FLEET, OWNER, REST, REST_KEY
+from .cluster_api import read_records
+from .holds import Holds
+
+PATH = "/v1/"
+INTERVAL = 0.2
+MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
+AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
+UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """`holder` has the Lease, whose version `lease` this was seen with; `held`: actions whose new goals are held."""
+
+    go: bool
+    reason: str
+    holder: str = ""
+    lease: str = ""
+    held: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What a robot has to be before it, or one app of it, is changed.
+
+    `when` are options of ros_ready, `idle` actions besides those that its nodes serve.
+    """
+
+    space: str
+    windows: Windows
+    when: tuple[Document, ...]
+    idle: tuple[str, ...]
+
+
+def rest_of(found: Object | None, app: str) -> Rest:
+    """What the ConfigMap says of one app, or without one of all of them together; SpecError where it says nothing."""
+    try:
+        said = json.loads((found or {})["data"][REST_KEY])
+        windows = Windows(*(said["windows"][key] for key in ("spans", "zone", "turns")))
+        apps = [one for name, one in said["apps"].items() if app in ("", name)]
+        when = [*said["when"], *(item for one in apps for item in one["when"])]
+        rest = Rest(said["space"], windows, tuple(when), tuple(name for one in apps for name in one["idle"]))
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise SpecError(UNTOLD) from None
+    if app and not apps:
+        raise SpecError(f"there is no app {app}; there are {', '.join(said['apps'])}")
+    return rest
+
+
+class Door:
+    """The pages below /v1/. `left_over`: whether whoever has this Lease of a namespace has gone."""
+
+    def __init__(
+        self,
+        holds: Holds,
+        left_over: Callable[[str, Object | None], bool],
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.holds, self.cluster, self.ros = holds, holds.cluster, holds.ros
+        self.left_over, self.sleep = left_over, sleep
+        self.turns = threading.BoundedSemaphore(AT_ONCE)
+
+    def page(self, asked: Asked) -> Said:
+        if asked.method != "GET":
+            return _json(405, {"error": "only GET is answered here"})
+        if not self.turns.acquire(blocking=False):
+            return _json(503, {"error": f"{AT_ONCE} others ask just now"})
+        try:
+            return _json(200, self._found(asked))
+        except FleetError as error:
+            return _json(404 if isinstance(error, SpecError) else 503, {"error": str(error)})
+        finally:
+            self.turns.release()
+
+    def _found(self, asked: Asked) -> Data:
+        query, name = asked.query, asked.path[len(PATH) :]
+        namespace = query.get("namespace") or self.cluster.home
+        if namespace not in self.cluster.namespaces():
+            raise SpecError(f"this keeper does not look after {namespace}")
+        if name == "may-change":
+            return asdict(self.may_change(namespace, query.get("app", ""), query.get("owner", "")))
+        if name == "apps":
+            return self.apps(namespace)
+        if name == "graph":
+            state = self.ros.state()
+            return graph_data(self.ros.ask(state, everything(state)))
+        raise SpecError(f"there is no {asked.path}")
+
+    def apps(self, namespace: str) -> Data:
+        """App -> what its version is: `state` is an answer of `_step/record.py`."""
+        there = self.cluster.deployments(namespace)
+        records = read_records(self.cluster, namespace, map(name_of, there))
+        return {
+            name_of(one): {"state": answer(one, records), "revision": revision_of(one), "soaks": soaks(one, records)}
+            for one in there
+        }
+
+    def may_change(self, namespace: str, app: str = "", owner: str = "") -> Answer:
+        """Whether the robot of this namespace, or this app of it, may be changed now by this owner.
+
+        Where the owner has its Lease by now, new goals are held first. KubeError, RosError or SpecError.
+        """
+        found = self.holds.look(namespace)
+        holder, version = holder_of(found), version_of(found)
+        mine = bool(owner) and holder == OWNER + owner
+
+        def no(why: str) -> Answer:
+            return Answer(False, why, holder, version)
+
+        if self.cluster.home == FLEET != namespace and self._at_work(FLEET, self.cluster.lease(FLEET, newest=True)):
+            return no("what is the whole fleet's is changed just now")
+        if not mine and self._at_work(namespace, found):
+            return no(f"{holder} changes it since {(found or {})['spec'].get('acquireTime')}")
+        rest = rest_of(self.cluster.config_map(namespace, REST), app)
+        if self._closed(rest):
+            return no(self._closed(rest))
+        verdict, why = self._rests(namespace, app, rest, mine)
+        if version_of(self.cluster.lease(namespace, newest=True)) != version:
+            return no("its Lease changed hands just now")
+        if verdict != PASS or self._closed(rest):  # to look takes its time
+            return no(self._closed(rest) or why)
+        return Answer(True, why, holder, version, tuple(self.holds.of(namespace).servers) if mine else ())
+
+    def _closed(self, rest: Rest) -> str:
+        """Until when its window is, in words; empty: it is open."""
+        wall = self.holds.wall()
+        opens = rest.windows.opens_at(wall)
+        return f"it may be changed from {rest.windows.told(opens)} on" if opens > wall else ""
+
+    def _at_work(self, namespace: str, lease: Object | None) -> bool:
+        return bool(holder_of(lease)) and not self.left_over(namespace, lease)
+
+    def _rests(self, namespace: str, app: str, rest: Rest, mine: bool) -> tuple[str, str]:
+        """Verdict and reason. What is held already is only looked at: its owner may be at work."""
+        state = self.ros.state()
+        graph = self.ros.ask(state, Questions(dict.fromkeys(state.nodes(), frozenset()))).by_revision()
+        nodes = self._nodes_of(namespace, app, graph) if app else nodes_below(graph, rest.space)
+        actions = actions_to_rest(graph, nodes, rest.idle)
+        idle = [{**one, "state": "idle"} for one in actions]
+        conditions = conditions_from({"actions": idle, "values": rest.when})
+        heard = max((one.seconds + MARGIN for one in conditions.values), default=0.0)
+        hold, now = self.holds.of(namespace), self.holds.now
+        served = {one["name"]: one["server"] for one in actions if mine and "server" in one}
+        new = {name: server for name, server in served.items() if name not in hold.servers}
+        robot = IdleRobot(self.ros, self.holds.keeper, conditions, lambda: hold.until - now())
+        try:
+            ended = hold_when_idle(robot, new, heard, INTERVAL, 1, now, self.sleep)
+        finally:
+            robot.close()
+        self.holds.add(namespace, {name: new[name] for name in ended.held})
+        return ended.verdict, reason_of(ended)
+
+    def _nodes_of(self, namespace: str, app: str, graph: Graph) -> list[str]:
+        found = self.cluster.deployment(namespace, app)
+        if not found:
+            return []
+        return own_nodes({app: node_of(found)}, graph, self.cluster.pods(namespace), {app: suffix_of(found)})[app]
+
+
+def _json(status: int, said: Data) -> Said:
+    return Said(status, json.dumps(said).encode(), "application/json")

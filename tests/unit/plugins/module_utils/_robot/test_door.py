@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether a robot may be changed now, and the holds of other updates: the real door, holds and `rosops-may`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import AT_ONCE, UNTOLD
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import (
+    OTHERS,
+    OWNER,
+    SPACE,
+    World,
+    at_the_door,
+    lease_of,
+    rosops_may,
+)
+
+MAY = rosops_may()
+Says = Callable[..., "tuple[int, str]"]
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    with at_the_door(monkeypatch) as made:
+        yield made
+
+
+@pytest.fixture
+def may(world: World, capsys: pytest.CaptureFixture[str]) -> Says:
+    def run(*words: str) -> tuple[int, str]:
+        code = MAY.main(["robot1", *words], world.send)
+        return code, capsys.readouterr().err.removeprefix("rosops-may: robot1: ").strip()
+
+    return run
+
+
+def ask(world: World, path: str, method: str = "GET", **query: str) -> tuple[int, Any]:
+    said = world.door.page(Asked(method, path, query))
+    assert said.kind == "application/json"
+    return said.status, json.loads(said.body)
+
+
+# --- may it be changed now? -------------------------------------------------------------------------------------------
+
+
+def test_a_robot_at_rest_may_be_changed(world: World, may: Says) -> None:
+    assert may() == (0, "")
+    assert ask(world, "/v1/may-change")[1] == {"go": True, "reason": "", "holder": "", "lease": "", "held": []}
+    assert world.leases_now == {}
+
+
+def busy(world: World) -> None:
+    world.goal("/base/drive")
+
+
+def flat(world: World) -> None:
+    world.values["/battery"] = False
+
+
+def undocked(world: World) -> None:
+    world.values["/dock"] = False
+
+
+def late(world: World) -> None:
+    world.begin += 6 * 3600
+
+
+def run_at_work(world: World) -> None:
+    lease_of(OTHERS, world)
+
+
+def other_owner(world: World) -> None:
+    lease_of(f"{OWNER}mender", world, 600)
+
+
+def keeper_at_work(world: World) -> None:
+    lease_of("ros-keeper", world)
+
+
+@pytest.mark.parametrize(
+    ("why", "reason", "free"),
+    [
+        (busy, "busy on /base: 1 ACTIVE", "arm"),
+        (flat, "value /battery percentage above 0.4: not so", ""),
+        # what one app waits for is waited for before anything is done to all of the robot
+        (undocked, "value /dock quiet for 3 s: not so", "base"),
+        (late, "it may be changed from 2026-07-02 00:00 (Europe/Berlin) on", ""),
+        (run_at_work, f"{OTHERS} changes it since before", ""),
+        (other_owner, f"{OWNER}mender changes it since before", ""),
+        (keeper_at_work, "ros-keeper changes it since before", ""),
+    ],
+)
+def test_why_it_may_not(world: World, may: Says, why: Callable[[World], None], reason: str, free: str) -> None:
+    """`free` is the app that is not concerned."""
+    why(world)
+    for words in (), ("--app", "arm"), ("--app", "base"):
+        goes = bool(words) and words[1] == free
+        assert may(*words) == ((0, "") if goes else (75, f"not now: {reason}"))
+        assert may(*words, "--hold", "60", "--owner", "apt")[0] == (0 if goes else 75)
+        may("--release", "--owner", "apt")
+        assert world.held_until == {}
+
+
+def test_who_was_killed_is_waited_for_as_long_as_his_lease_says(world: World, may: Says) -> None:
+    run_at_work(world)
+    world.run(10)
+    assert may()[0] == 75
+    world.run(20)
+    assert may() == (0, "")
+    assert may("--hold", "60", "--owner", "apt") == (0, "")
+    assert world.holder == f"{OWNER}apt"
+
+
+def test_what_cannot_be_known_is_no_answer(world: World, may: Says) -> None:
+    assert may("--app", "lidar") == (1, "answered 404: there is no app lidar; there are arm, base")
+    world.master_away = True
+    assert may() == (1, "answered 503: the ROS master does not answer")
+    world.maps.clear()
+    assert may() == (1, f"answered 404: {UNTOLD}")
+    world.maps["robot-rest"] = {"data": {"rest.json": '{"apps": 3}'}}
+    assert may() == (1, f"answered 404: {UNTOLD}")
+    world.away = True
+    assert may() == (1, "answered 503: the API server is away")
+    assert ask(world, "/v1/may-change") == (503, {"error": "nothing listens"})
+
+
+def test_a_change_that_begins_while_it_is_looked_is_seen(world: World, may: Says) -> None:
+    world.sleeps = lambda: None if world.holder else (lease_of(OTHERS, world), None)[1]
+    assert may() == (75, "not now: its Lease changed hands just now")
+
+
+def test_it_is_only_asked_and_not_by_too_many(world: World) -> None:
+    assert ask(world, "/v1/hold", "POST") == (405, {"error": "only GET is answered here"})
+    assert ask(world, "/v1/nothing") == (404, {"error": "there is no /v1/nothing"})
+    assert ask(world, "/v1/apps", namespace="robot-robot2")[0] == 404
+    for _one in range(AT_ONCE):
+        world.door.turns.acquire()
+    assert ask(world, "/v1/apps") == (503, {"error": f"{AT_ONCE} others ask just now"})
+
+
+def test_graph_and_apps(world: World) -> None:
+    graph = ask(world, "/v1/graph")[1]
+    assert sorted(graph["actions"]) == ["/arm/move", "/base/drive"]
+    assert ask(world, "/v1/apps")[1]["arm"] == {"state": "unknown", "revision": "rev2", "soaks": False}
+
+
+# --- holds ------------------------------------------------------------------------------------------------------------
+
+HOLD = ("--hold", "120", "--owner", "apt")
+RELEASE = ("--release", "--owner", "apt")
+
+
+def test_new_goals_wait_until_the_owner_lets_go(world: World, may: Says) -> None:
+    assert may(*HOLD) == (0, "")
+    assert (world.holder, sorted(world.held_until)) == (f"{OWNER}apt", ["/arm/move", "/base/drive"])
+    world.goal("/arm/move")
+    world.run(60)
+    assert world.goals == {}
+    assert may() == (75, f"not now: {world.holder} changes it since {world.leases_now[SPACE]['spec']['acquireTime']}")
+    assert may("--release", "--owner", "mender") == (0, "")  # it is not his
+    assert world.holder == f"{OWNER}apt"
+    assert may(*RELEASE) == (0, "")
+    assert (world.holder, world.held_until, world.goals["/arm/move"]) == ("", {}, 1)
+    assert may(*RELEASE) == (0, "")
+
+
+def test_of_one_app_its_own_goals_wait(world: World, may: Says) -> None:
+    assert may("--app", "arm", *HOLD) == (0, "")
+    assert [*world.held_until] == ["/arm/move"]
+    world.goal("/base/drive")
+    assert may("--app", "base", *HOLD)[0] == 75  # the owner has the robot, and that app is at work
+    assert (world.holder, [*world.held_until]) == (f"{OWNER}apt", ["/arm/move"])
+    world.goals.clear()
+    assert may("--app", "base", *HOLD) == (0, "")
+    assert sorted(world.held_until) == ["/arm/move", "/base/drive"]
+
+
+def test_a_hold_ends_by_itself(world: World, may: Says) -> None:
+    assert may(*HOLD)[0] == 0
+    end = world.at + 120
+    world.goal("/arm/move")
+    world.run(115)
+    assert world.goals == {}
+    world.run(end - world.at)
+    assert (world.held_until, world.goals["/arm/move"]) == ({}, 1)
+    world.run(10)
+    assert world.holder == ""
+
+
+def test_it_may_be_made_longer(world: World, may: Says) -> None:
+    assert may(*HOLD)[0] == 0
+    world.run(100)
+    assert may(*HOLD)[0] == 0
+    world.goal("/arm/move")
+    world.run(110)
+    assert (world.holder, world.goals) == (f"{OWNER}apt", {})
+    flat(world)  # by the owner's own work, for all we know
+    assert may(*HOLD)[0] == 75
+    assert (world.holder, len(world.held_until)) == (f"{OWNER}apt", 2)
+    world.run(20)
+    assert (world.holder, world.held_until) == ("", {})
+
+
+def test_a_keeper_that_begins_anew_knows_of_it(world: World, may: Says) -> None:
+    assert may(*HOLD)[0] == 0
+    world.run(90)
+    world.start()
+    world.run(20)
+    assert world.holder == f"{OWNER}apt"
+    world.run(20)
+    assert (world.holder, world.held_until) == ("", {})
+    may(*HOLD)
+    world.start()
+    assert may(*RELEASE)[0] == 0
+    assert world.held_until == {}
+
+
+def test_another_server_that_comes_meanwhile_gets_no_goals_either(world: World, may: Says) -> None:
+    assert may(*HOLD)[0] == 0
+    world.let_go("/arm/move")  # as the keeper does where a new one is up
+    world.run(10)
+    assert sorted(world.held_until) == ["/arm/move", "/base/drive"]
+    assert world.held_until["/arm/move"] == world.held_until["/base/drive"]
+
+
+def test_a_goal_that_came_in_between_is_left_to_finish(world: World, may: Says) -> None:
+    real = world.hold
+
+    def slips_in(action: str, server: str, seconds: float) -> str:
+        world.goal("/base/drive")
+        return real(action, server, seconds)
+
+    world.hold = slips_in  # type: ignore[method-assign]
+    assert may(*HOLD) == (75, "not now: busy on /base: 2 ACTIVE")
+    assert (world.holder, world.held_until) == ("", {})
+
+
+def test_what_cannot_be_held_is_told(world: World, may: Says) -> None:
+    world.hold = lambda *_: "the keeper refused: off"  # type: ignore[method-assign]
+    code, told = may("--app", "arm", *HOLD)
+    assert (code, told) == (0, "goals of /arm/move are not held: the keeper refused: off")
+
+
+def test_goals_that_a_run_holds_by_now_are_not_let_go(world: World, may: Says) -> None:
+    """The owner is gone by his Lease, and the run was faster than the keeper's look."""
+    assert may(*HOLD)[0] == 0
+    lease_of("", world)
+    lease_of(OTHERS, world)
+    world.hold("/arm/move", "/arm", 60.0)
+    world.run(10)
+    assert "/arm/move" in world.held_until
+    lease_of("", world)
+    world.run(10)
+    assert "/arm/move" in world.held_until  # they end by themselves
+
+
+def test_a_hold_that_is_made_longer_as_it_ends_does_not_end(world: World, may: Says) -> None:
+    assert may(*HOLD)[0] == 0
+    real = world.write_lease
+
+    def renewed_before(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        world.write_lease = real  # type: ignore[method-assign]
+        lease_of(f"{OWNER}apt", world, 120)
+        return real(namespace, body)
+
+    world.write_lease = renewed_before  # type: ignore[method-assign]
+    world.run(125)
+    held = {**world.held_until}
+    world.run(10)
+    assert (world.holder, len(world.held_until)) == (f"{OWNER}apt", 2)
+    assert held == {} or min(held.values()) > world.at - 10
+
+
+def test_nobody_takes_what_another_one_took_at_the_same_time(world: World, may: Says) -> None:
+    real = world.send
+
+    def between(method: str, path: str, body: Any) -> tuple[int, Any]:
+        if method in ("PUT", "POST") and not world.holder:
+            lease_of(OTHERS, world)
+        return real(method, path, body)
+
+    world.send = between  # type: ignore[method-assign]
+    assert may(*HOLD) == (75, "not now: somebody else was faster")
+    assert world.holder == OTHERS
+    lease_of("", world)
+    lookups: list[str] = []
+
+    def before_it_reads(method: str, path: str, body: Any) -> tuple[int, Any]:
+        lookups.append(path)
+        if path.endswith("/robot-update") and method == "GET" and len(lookups) == 2:
+            lease_of(OTHERS, world)
+            lease_of("", world)
+        return real(method, path, body)
+
+    world.send = before_it_reads  # type: ignore[method-assign]
+    assert may(*HOLD) == (75, "not now: somebody else began to change it just now")
+    assert world.holder == ""
+
+
+def test_what_goes_wrong_after_it_was_taken_gives_it_back(world: World, may: Says) -> None:
+    real, asked = world.send, list[str]()
+
+    def fails(method: str, path: str, body: Any) -> tuple[int, Any]:
+        asked.append(path)
+        if "/proxy/" in path and len(asked) == 4:
+            return 500, {"message": "the door is away"}
+        return real(method, path, body)
+
+    world.send = fails  # type: ignore[method-assign]
+    assert may(*HOLD) == (1, "answered 500: the door is away")
+    assert (world.holder, world.held_until) == ("", {})
+
+
+def test_the_keeper_changes_nothing_while_an_owner_has_it(world: World, may: Says) -> None:
+    world.run(0)
+    assert world.watch.rests()
+    assert may(*HOLD)[0] == 0
+    world.run(20)
+    assert not world.watch.rests()
+    may(*RELEASE)
+    world.run(20)
+    assert world.watch.rests()
