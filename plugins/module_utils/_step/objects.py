@@ -95,14 +95,20 @@ def is_ready(pod: Object) -> bool:
     return ready and not is_terminating(pod)
 
 
+def has_gate(item: Object) -> bool:
+    """Whether a pod, or those of a Deployment, have our readiness gate."""
+    spec = item.get("spec") or {}
+    pod = (spec.get("template") or {}).get("spec") or spec
+    return any(one.get("conditionType") == READINESS for one in pod.get("readinessGates") or ())
+
+
 def gate_of(pod: Object) -> Object | None:
     """The condition by which our readiness gate lets the pod be Ready, empty as long as nobody has looked at it.
 
     None: the pod has no such gate.
     """
-    gates = [one.get("conditionType") for one in (pod.get("spec") or {}).get("readinessGates") or ()]
     said = (pod.get("status") or {}).get("conditions") or ()
-    return next((one for one in said if one.get("type") == READINESS), {}) if READINESS in gates else None
+    return next((one for one in said if one.get("type") == READINESS), {}) if has_gate(pod) else None
 
 
 def crashes(pod: Object) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.names import resolve
-from ...module_utils._step.objects import app_of, hash_of, name_of, node_of
+from ...module_utils._step.objects import app_of, has_gate, hash_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
 from .._model.app import App
@@ -146,7 +146,9 @@ def update_plan(
     running = {key_of(item): item for item in live.deployments}
     records = read_records(live.maps)
     there = _Robot(robot, desired, running, records, drifted, working(live, records))
-    brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
+    # a master is not made without its keeper, nor a pod whose gate only a new keeper opens
+    needing = [app for app in request.only if app == MASTER or any(map(has_gate, desired[app]))]
+    brought = KEEPER if needing and not request.to else ""
     asked = [
         app for app, objects in desired.items()
         if (not request.only or app in request.only or app == brought)

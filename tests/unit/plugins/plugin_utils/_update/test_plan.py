@@ -58,6 +58,13 @@ def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
     assert not step.resume
 
 
+@pytest.mark.parametrize(("hooks", "steps"), [("gate", [["ros-keeper"], ["one"]]), ("app", [["one"]])])
+def test_the_keeper_comes_before_a_pod_whose_gate_it_opens(hooks: str, steps: list[list[str]]) -> None:
+    before = robot(app("one", hooks="app"), master={"image": "x.org/ros:1"})
+    after = robot(app("one", "example.org/app:1.1", hooks=hooks), master={"image": "x.org/ros:2"})
+    assert step_names(planned(after, applied(before), Request(only=["one"]))) == steps
+
+
 def test_providers_come_before_their_users_and_the_master_before_all() -> None:
     def fleet(image: str) -> Robot:
         return robot(
