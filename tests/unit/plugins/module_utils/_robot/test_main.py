@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import FakeClient, FakeMaster, FakeServer
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
@@ -24,6 +23,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.rob
     rosops_may,
 )
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from pod_code import write_code
 
 
 def volume(directory: Path, version: str) -> None:
@@ -48,8 +48,7 @@ def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, mo
     """The keeper's own process, an action on loopback, an API server with TLS, and `rosops-may`."""
     may, peers, code = rosops_may(), Peers(), tmp_path / "code"
     code.mkdir()
-    for name, text in app_files().items():
-        (code / name).write_text(text)
+    write_code(code)
     api, master = start_server(tmp_path, SPACE), FakeMaster(peers)
     client, server = FakeClient(master), FakeServer(master)
     with socket.create_server(("127.0.0.1", 0)) as free:

@@ -39,7 +39,7 @@ class SimulatedKeeper:
         self.watch = self._begin()
 
     def _begin(self) -> step_watch.StepWatch:
-        robot = step_watch.Robot(self.hold, self.release, self.take_back, Silence)
+        robot = step_watch.Robot(self.hold, self.release, self.take_back, Silence, lambda *_: None)
         cluster, files = cast("Cluster", self), cast("KeptFiles", self)
         sim = self.sim
         return step_watch.StepWatch(
