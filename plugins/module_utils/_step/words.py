@@ -19,6 +19,7 @@ LIVENESS_TIMEOUT, LIVENESS_LEAST = 120, 30  # s, the usual, and the shortest tha
 # annotations of a Deployment
 HASH = "rosops.fleet/spec-hash"  # of what was applied; of a pod template, too
 UPDATING = "rosops.fleet/updating"  # the mark of a step: see `record.Mark`
+BACK_TO = "rosops.fleet/back-to"  # beside a mark: what the version before is made of, see `_objects/admission.py`
 SOAKING = "rosops.fleet/soaking"  # it soaks, see `record.soaks`; the text is a `record.Mark`
 WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, to, at, reason, and the step's run
 # Deployments and their Services
