@@ -20,6 +20,7 @@ from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ..plugin_utils._kube.client import Kube, ref_of
 from ..plugin_utils._kube.kubeconfig import keep, local_kubeconfig
 from ..plugin_utils._model.fleet import home_of
+from ..plugin_utils._objects.admission import admission_objects
 from ..plugin_utils._objects.rights import controller_access
 
 TOKEN_SECONDS = 30.0
@@ -29,7 +30,7 @@ class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = {"dest": {"type": "path", "required": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        objects, check = controller_access(), bool(self._task.check_mode)
+        objects, check = [*admission_objects(), *controller_access()], bool(self._task.check_mode)
         with self.cluster(params, known) as kube:
             result = written(kube.apply(objects, check))
             if check and result["changed"]:
@@ -39,7 +40,7 @@ class ActionModule(ClusterAction):
         return {**result, "changed": keep(params["dest"], text, check) or result["changed"], "dest": params["dest"]}
 
     def foresee(self, _params: Arguments, _known: Variables) -> Result:
-        return foreseen(controller_access())
+        return foreseen([*admission_objects(), *controller_access()])
 
 
 def _token(kube: Kube, secret: Object) -> Mapping[str, str]:

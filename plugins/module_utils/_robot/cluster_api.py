@@ -13,9 +13,9 @@ from typing import Callable, Iterable, Iterator, Mapping
 from urllib.parse import urlencode
 
 from .._common.errors import FleetError, KubeError
-from .._step.objects import Object, lease_with, name_of
+from .._step.objects import Object, annotations_of, lease_with, name_of
 from .._step.record import Record, record_name, record_of
-from .._step.words import FLEET, KEEPER, KEPT, LEASE, LEASE_SECONDS, MANAGER
+from .._step.words import BACK_TO, FLEET, KEEPER, KEPT, LEASE, LEASE_SECONDS, MANAGER, SOAKING, UPDATING
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 OURS = f"app.kubernetes.io/managed-by={MANAGER}"
@@ -145,8 +145,10 @@ class Cluster:
         self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, item, APPLY)
 
     def unmark(self, namespace: str, item: Object, key: str) -> None:
-        """Take an annotation off a Deployment; refused if somebody has written it since."""
-        metadata = {"annotations": {key: None}, "resourceVersion": item["metadata"].get("resourceVersion")}
+        """Take a mark off a Deployment; refused if somebody has written it since."""
+        others = {UPDATING, SOAKING} & {*annotations_of(item)} - {key}  # which an undo may have brought back
+        notes = dict.fromkeys((key,) if others else (key, BACK_TO))
+        metadata = {"annotations": notes, "resourceVersion": item["metadata"].get("resourceVersion")}
         path = _path(namespace, "Deployment", name_of(item))
         self._send("PATCH", path, {"fieldManager": MANAGER}, {"metadata": metadata}, MERGE)
 

@@ -24,6 +24,7 @@ HOPELESS = "cannot become ready: "  # begins a reason that waiting does not mend
 # annotations of a Deployment
 HASH = "rosops.fleet/spec-hash"  # of what was applied; of a pod template, too
 UPDATING = "rosops.fleet/updating"  # the mark of a step: see `record.Mark`
+BACK_TO = "rosops.fleet/back-to"  # beside a mark: what the version before is made of, see `_objects/admission.py`
 SOAKING = "rosops.fleet/soaking"  # it soaks, see `record.soaks`; the text is a `record.Mark`
 WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, to, at, reason, and the step's run
 # Deployments and their Services

@@ -109,7 +109,8 @@ def _part(value: Any, fields: Fields) -> Any:
             if name in value
         }
     if isinstance(value, list):
-        return [_part(item, inner) for item in value for key, inner in fields.items() if _names(key, item)]
+        found = [(item, inner) for item in value for key, inner in fields.items() if _names(key, item)]
+        return [_part(item, inner) if set(inner) - {"."} else item for item, inner in found]
     return value
 
 

@@ -32,6 +32,7 @@ class Resource:
 
 # The kinds that the collection deals with, by the path of their API.
 KINDS = {
+    "/apis/admissionregistration.k8s.io/v1": ("ValidatingAdmissionPolicy", "ValidatingAdmissionPolicyBinding"),
     "/api/v1": (
         "ConfigMap", "Event", "LimitRange", "Namespace", "Node", "PersistentVolume", "PersistentVolumeClaim", "Pod",
         "ResourceQuota", "Secret", "Service", "ServiceAccount",
@@ -42,7 +43,9 @@ KINDS = {
     "/apis/rbac.authorization.k8s.io/v1": ("ClusterRole", "ClusterRoleBinding", "Role", "RoleBinding"),
     "/apis/storage.k8s.io/v1": ("StorageClass",),
 }  # fmt: skip
-IN_NO_NAMESPACE = ("ClusterRole", "ClusterRoleBinding", "Namespace", "Node", "PersistentVolume", "StorageClass")
+POLICIES = KINDS["/apis/admissionregistration.k8s.io/v1"]
+OF_CLUSTER = (*POLICIES, "ClusterRole", "ClusterRoleBinding")  # an account that may not write them finds them there
+IN_NO_NAMESPACE = (*OF_CLUSTER, "Namespace", "Node", "PersistentVolume", "StorageClass")
 ENDINGS = {"s": "ses", "y": "ies"}  # as Kubernetes guesses a kind's plural, too (meta.UnsafeGuessKindToResource)
 RESOURCES = {
     kind: Resource(base, kind[:-1].lower() + ENDINGS.get(kind[-1], f"{kind[-1]}s"), kind not in IN_NO_NAMESPACE)

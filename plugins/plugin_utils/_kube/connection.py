@@ -113,6 +113,7 @@ class ApiConnection:
         self._pool = self._access.pool
         self._patience, self._say, self._now, self._sleep = patience, say, now, sleep
         self._permit: Callable[[], None] = lambda: None
+        self._told: set[str] = set()  # what is said once
 
     @property
     def host(self) -> str:

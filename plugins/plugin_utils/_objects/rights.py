@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.context import Robot
+from .admission import API, admission_objects
 from .common import config_map, made, owner_labels
 
 RBAC, LEASES = "rbac.authorization.k8s.io", "coordination.k8s.io"
@@ -25,7 +26,7 @@ Rule = tuple[str, Sequence[str], Sequence[str]]  # an API group, kinds of it, an
 KEEPER: tuple[Rule, ...] = (
     ("apps", ["deployments"], ["get", "list", "patch"]),
     ("", ["pods"], ["list", "watch"]),
-    ("", ["pods/status"], ["patch"]),  # readiness gates
+    ("", ["pods/status"], ["patch"]),  # readiness gates: `admission.py` says how much of it
     ("", ["configmaps"], ["get", "patch"]),  # records: what became of a step, and that a version is proven
     (LEASES, ["leases"], ["get", "create", "update"]),
     ("", ["pods/eviction"], ["create"]),  # of what hangs
@@ -51,16 +52,23 @@ CONTROLLERS: tuple[Rule, ...] = (
     # what it gives the keepers
     ("", ["pods/eviction", "events"], ["create"]),
     ("", ["pods/status"], ["patch"]),
+    # what is the cluster's, and made by whoever administers it
+    (API.rpartition("/")[0], ["validatingadmissionpolicies", "validatingadmissionpolicybindings"], ["get"]),
+    (RBAC, ["clusterroles", "clusterrolebindings"], ["get"]),
 )
 
 
 def keeper_access(robot: Robot) -> list[Object]:
-    """The account of the robot's keeper, and its Role in the robot's namespace; nothing for an external master."""
+    """The account of the robot's keeper, its Role in the robot's namespace, and before it what bounds all keepers.
+
+    Nothing for an external master.
+    """
     if robot.master.mode == "external":
         return []
     home, labels = context.master_namespace(robot), owner_labels(context.master_owner(robot))
     account = {"name": names.KEEPER_NAME, "namespace": home}
     objects = [
+        *admission_objects(),
         made("v1", "ServiceAccount", names.KEEPER_NAME, home, labels),
         *_rights(account, KEEPER, robot.namespace, owner_labels(robot.name)),
     ]

@@ -227,7 +227,7 @@ class AppChange(StepChange):
         if step.proven or again or not (self.hands.keeper and soak and apps & {*step.previous}):
             return [*fulfilled(self.maps), *step.workloads]
         good = found_good(self.maps, soak, decide.new_pods(step, self.hands.read().pods))
-        return [*good, *marked(step.workloads, run_of(self.told.started), SOAKING)]
+        return [*good, *marked(step.workloads, self.maps, run_of(self.told.started), SOAKING)]
 
     # --- or back ----------------------------------------------------------------------------------------------------
 
@@ -280,7 +280,7 @@ class AppChange(StepChange):
                 self.say(f"{self.name}: its old nodes are not registered again yet: {error}")
         # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here;
         # and never without the contract, which a refused apply may have left unwritten
-        hands.apply_all([*self.maps, *marked(previous, run)])
+        hands.apply_all([*self.maps, *marked(previous, self.maps, run)])
         self.cluster.delete(self._made(run))
         self.cluster.wait(previous, timeout)
         dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})

@@ -22,6 +22,7 @@ from ...module_utils._step.record import Mark, Record, record_of
 from ...module_utils._step.update_record import run_of
 from ...module_utils._step.words import TEMPLATE_HASH, UPDATING
 from .._model import names
+from .._objects.admission import back_to
 from .._objects.app import OVERLAP_STRATEGY
 from .._objects.common import config_map, object_labels
 from .._objects.pod_code import waits_for_the_old
@@ -53,7 +54,7 @@ def step_objects(
         record = Record(owed, history, run, apps, ready_timeout=ready_timeout, ignore=ignore)
         labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
         maps.append(config_map(names.update_name(app), metadata["namespace"], labels, record.data()))
-    return [*maps, *marked(step.objects, run_of(now))]
+    return [*maps, *marked(step.objects, maps, run_of(now))]
 
 
 def _history(app: str, step: Step, now: float) -> list[Object]:
@@ -85,12 +86,16 @@ def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> l
     ]
 
 
-def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[Object]:
-    """The objects with the mark of an unproven version on the Deployments; SOAKING: of one that was found good."""
+def marked(objects: Iterable[Object], maps: Iterable[Object], run: str, key: str = UPDATING) -> list[Object]:
+    """The objects with the mark of an unproven version on the Deployments; SOAKING: of one that was found good.
+
+    `maps` are the records of the step: of which version each may go back to without a run.
+    """
+    before = {app_of(item): record_of(item).before for item in maps}
     found: list[Object] = []
     for item in objects:
         if item["kind"] == "Deployment":
-            mark = {key: str(Mark(run, revision_of(item)))}
+            mark = {key: str(Mark(run, revision_of(item))), **back_to(before.get(app_of(item)))}
             found.append({**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}})
         else:
             found.append(item)

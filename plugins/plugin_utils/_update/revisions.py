@@ -13,12 +13,13 @@ from typing import Any
 
 from ...module_utils._step.objects import annotations_of, app_of, hash_of, is_in, is_ready, name_of, revision_of
 from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, UNPROVEN, Record, answer, record_of, soaks
-from ...module_utils._step.words import SOAKING, UPDATING, WENT_BACK
+from ...module_utils._step.words import BACK_TO, SOAKING, UPDATING, WENT_BACK
 from .._kube.applied import applied_part, foreign_fields, left_fields
 from .._model import names
 from .world import Live, Object
 
 Key = tuple[str, str]  # namespace, name
+PASSING = (UPDATING, SOAKING, BACK_TO, WENT_BACK)  # what is noted on a Deployment, of this time and not of the next
 
 
 def read_records(maps: Iterable[Object]) -> dict[str, Record]:
@@ -83,8 +84,7 @@ def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
         metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
         spec = {key: value for key, value in deployment["spec"].items() if key != "paused"}  # nothing would go back
         part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": spec}
-    passing = (UPDATING, SOAKING, WENT_BACK)  # of this time, not of the next
-    annotations = {key: text for key, text in annotations_of(part).items() if key not in passing}
+    annotations = {key: text for key, text in annotations_of(part).items() if key not in PASSING}
     return {**part, "metadata": {**part["metadata"], "annotations": annotations}}
 
 
@@ -113,16 +113,24 @@ def key_of(item: Object) -> Key:
 
 
 def suspects(wanted: Iterable[Object], live: Live) -> list[Object]:
-    """Of the Deployments that are wanted those that are there by their hash, but not by what they say."""
+    """Of the Deployments that are wanted those that are there by their hash, but not by what they say.
+
+    What a step has noted on them stays there: to take it off is no change by hand.
+    """
     there, records = {key_of(item): item for item in live.deployments}, read_records(live.maps)
     return [
-        item
+        _with_notes(item, found)
         for item in wanted
         if (found := there.get(key_of(item))) is not None
         and hash_of(found) == hash_of(item)
         and (answer(found, records) not in UNPROVEN or soaks(found, records))  # a step applies the others again anyway
         and _is_changed(item, found)
     ]
+
+
+def _with_notes(item: Object, there: Object) -> Object:
+    notes = {key: text for key, text in annotations_of(there).items() if key in PASSING}
+    return {**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **notes}}}
 
 
 def lost_services(wanted: Iterable[Object], live: Live) -> list[Object]:

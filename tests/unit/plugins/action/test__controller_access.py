@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.action import _controller_access
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import OF_CLUSTER, RESOURCES
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import CONTROLLER, keeper_access
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import allows, run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -49,9 +50,29 @@ def test_it_may_what_it_gives_the_keepers() -> None:
     assert [one for one in given if not allows(*one)] == []
 
 
+def test_it_may_see_what_is_the_cluster_s() -> None:
+    """Else no run with it could tell whether that is as it should be."""
+    for kind in OF_CLUSTER:
+        assert allows("get", RESOURCES[kind].group, RESOURCES[kind].plural)
+
+
 @pytest.mark.parametrize(
     ("verb", "group", "resource"),
-    [("delete", "", "namespaces"), ("patch", "", "nodes"), ("delete", "", "secrets"), ("create", "", "pods/exec")],
+    [
+        ("delete", "", "namespaces"),
+        ("patch", "", "nodes"),
+        ("delete", "", "secrets"),
+        ("create", "", "pods/exec"),
+        *(
+            (verb, "admissionregistration.k8s.io", kind)
+            for verb in ("create", "patch", "update", "delete")
+            for kind in (
+                "validatingadmissionpolicies",
+                "validatingadmissionpolicybindings",
+            )
+        ),
+        ("patch", "rbac.authorization.k8s.io", "clusterroles"),
+    ],
 )
 def test_it_may_not_do_everything(verb: str, group: str, resource: str) -> None:
     assert not allows(verb, group, resource)

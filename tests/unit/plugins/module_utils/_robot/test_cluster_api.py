@@ -11,7 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import cluster_api
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster, in_cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import lease_with
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import KEEPER, UPDATING
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO, KEEPER, SOAKING, UPDATING
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     certificate,
     environment,
@@ -79,6 +79,21 @@ def test_it_applies_as_a_run_does(cluster: Cluster, server: Server) -> None:
     cluster.apply(SPACE, old)
     assert server.owned[(path, "rosops.fleet")] == old
     assert server.find(path)["metadata"]["annotations"] == old["metadata"]["annotations"]
+
+
+@pytest.mark.parametrize(("notes", "left"), [
+    ({SOAKING: "1000", BACK_TO: "a"}, {}),
+    # as an undo brings it back: what is beside a mark stays with it, else the API server refuses
+    ({SOAKING: "1000", UPDATING: "900", BACK_TO: "a"}, {UPDATING: "900", BACK_TO: "a"}),
+])  # fmt: skip
+def test_a_mark_comes_off_with_what_is_beside_it(
+    cluster: Cluster, server: Server, notes: dict[str, str], left: dict[str, str]
+) -> None:
+    item = version("camera", 1, SPACE)
+    own = dict(item["metadata"]["annotations"])
+    item["metadata"]["annotations"] |= notes
+    cluster.unmark(SPACE, server.put(f"{DEPLOYMENTS}/camera", item), SOAKING)
+    assert server.find(f"{DEPLOYMENTS}/camera")["metadata"]["annotations"] == {**own, **left}
 
 
 def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster) -> None:

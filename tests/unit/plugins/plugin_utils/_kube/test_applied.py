@@ -172,6 +172,16 @@ def test_taken_over_it_is_as_if_we_had_applied_it() -> None:
     assert left_fields(found, WANTED, US) == {}
 
 
+def test_an_entry_that_is_one_field_is_there_as_a_whole() -> None:
+    """As the API server has the pull secrets of a pod, which the version to go back to needs."""
+    pulls = pod({"f:imagePullSecrets": {'k:{"name":"pull"}': {}}})
+    entry = {"manager": US, "operation": "Apply", "fieldsV1": {"f:spec": pulls}}
+    spec = {"template": {"spec": {"imagePullSecrets": [{"name": "pull"}, {"name": "theirs"}]}}}
+    part = applied_part({**shown(), "spec": spec, "metadata": {"name": "a", "managedFields": [entry]}}, US)
+    assert part is not None
+    assert part["spec"] == {"template": {"spec": {"imagePullSecrets": [{"name": "pull"}]}}}
+
+
 def test_what_was_never_applied_is_taken_over_too() -> None:
     """An object that somebody made anew out of a copy: the defaults are his, too."""
     copied = update("velero", {"f:replicas": {}, "f:paused": {}, "f:progressDeadlineSeconds": {}})

@@ -192,6 +192,45 @@ def test_a_deployment_is_written_as_it_was_looked_at(
     assert server.find(f"{DEPLOYMENTS}/app")["spec"] == {"replicas": 1}
 
 
+POLICY = {
+    "apiVersion": "admissionregistration.k8s.io/v1", "kind": "ValidatingAdmissionPolicy",
+    "metadata": {"name": "keepers"}, "spec": {"validations": [{"expression": "true"}]},
+}  # fmt: skip
+POLICIES = "/apis/admissionregistration.k8s.io/v1/validatingadmissionpolicies"
+
+
+def test_what_is_the_cluster_s_is_written_only_where_it_is_not_as_it_should_be(server: Server, kube: Kube) -> None:
+    assert [one.changed for one in kube.apply([POLICY])] == [True]
+    filled = {"failurePolicy": "Fail", **POLICY["spec"]}  # by the API server
+    server.put(f"{POLICIES}/keepers", {**POLICY, "spec": filled})
+    server.writes.clear()
+    assert [one.changed for one in kube.apply([POLICY])] == [False]
+    assert not server.writes
+    server.put(f"{POLICIES}/keepers", {**POLICY, "spec": {**filled, "validations": []}})
+    assert [one.changed for one in kube.apply([POLICY], dry_run=True)] == [True]
+
+
+@pytest.mark.parametrize("reads", [True, False])
+def test_who_may_not_write_it_is_told_who_may(server: Server, kube: Kube, reads: bool) -> None:
+    (server.write_refusals if reads else server.refusals).append((403, "forbidden"))
+    with pytest.raises(ApiError, match=r"Run rosops\.fleet\.awx_access and then rosops\.fleet\.site with ") as error:
+        kube.apply([POLICY])
+    assert error.value.status == 403
+    assert not server.lists.get(POLICIES)
+
+
+def test_an_older_api_goes_without_and_that_is_said_once(server: Server) -> None:
+    server.unknown = ("validatingadmissionpolicies",)
+    said: list[str] = []
+    with Kube({"host": server.url, "api_key": "t"}, say=said.append) as older:
+        for dry_run in (True, False):
+            done = older.apply([POLICY, NAMESPACE], dry_run)
+            assert [one.changed for one in done] == [False, True]
+    assert server.writes == [f"PATCH {NAMESPACES}/robot-robot1"] * 2
+    (text,) = said
+    assert "older than 1.30 and knows no ValidatingAdmissionPolicy" in text
+
+
 def test_of_two_that_create_the_same_at_once_the_slower_finds_it_there(server: Server, kube: Kube) -> None:
     server.write_refusals += [(409, "already exists")]
     assert [one.changed for one in kube.apply([NAMESPACE])] == [True]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import POLICIES
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
     PARTS,
     ground_objects,
@@ -44,7 +45,8 @@ def test_the_parts_that_tags_mean(asked: Sequence[str], run: list[str], skip: li
 
 def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     ground = {part: kinds(ground_objects(MADE, [part], [SECRET], {})) for part in PARTS}
-    keeper = [f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding")]
+    policy = [f"{kind} rosops-fleet-keeper" for kind in POLICIES]
+    keeper = [*policy, *(f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding"))]
     assert ground == {
         "namespace": ["Namespace robot-robot1", *keeper, "Secret pull"],
         "storage": ["PersistentVolumeClaim data-pvc"],
@@ -60,5 +62,6 @@ def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     assert images(external) == ["ros:noetic-ros-core"]
     assert kinds(workload_objects(MADE, ["apps", "storage"])) == ["Deployment talker"]
     assert "Deployment ros-master" in kinds(workload_objects(MADE, ["master"]))
-    for one in [*ground_objects(MADE, PARTS, [SECRET], {}), *workload_objects(MADE, PARTS)]:
+    made = [*ground_objects(MADE, PARTS, [SECRET], {}), *workload_objects(MADE, PARTS)]
+    for one in (one for one in made if one["kind"] not in POLICIES):
         assert one["metadata"].get("namespace", one["metadata"]["name"]) == "robot-robot1"

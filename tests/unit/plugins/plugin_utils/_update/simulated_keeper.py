@@ -12,8 +12,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot import step_wa
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles, Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO, HISTORY, SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.admission import back_to
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
     FOREVER,
@@ -25,6 +26,15 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
 
 if TYPE_CHECKING:
     from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+
+
+def refused(there: Object, wanted: Object) -> set[str]:
+    """Which facts of what a keeper applies the API server's policy does not know; that nobody marked what is there."""
+    notes = there["metadata"]["annotations"]
+    if not {UPDATING, SOAKING} & {*notes}:
+        return {"no mark"}
+    new, old = ({*back_to(one)[BACK_TO].split("\n")} for one in (wanted, there))
+    return new - old - {*notes[BACK_TO].split("\n")} if BACK_TO in notes else set()
 
 
 class SimulatedKeeper:
@@ -162,13 +172,17 @@ class SimulatedKeeper:
         if body["kind"] == "Deployment":
             assert self.sim.holder == names.KEEPER_NAME, f"the keeper takes {key} back without the Lease"
             assert key in self.sim.objects, f"the keeper makes {key}"
+            assert refused(self.sim.objects[key], body) == set(), f"the policy does not let the keeper take {key} back"
+        else:
+            there = self.sim.objects[key]["data"]
+            assert body["data"].get(HISTORY) == there.get(HISTORY), f"the keeper writes the history of {key}"
         self.sim.write(body)
 
     def unmark(self, _namespace: str, item: Object, key: str) -> None:
         self._ask()
         assert self.sim.holder == names.KEEPER_NAME, f"the keeper proves {item['metadata']['name']} without the Lease"
         there = self.sim.objects["Deployment", item["metadata"]["namespace"], item["metadata"]["name"]]
-        notes = {name: text for name, text in there["metadata"]["annotations"].items() if name != key}
+        notes = {name: text for name, text in there["metadata"]["annotations"].items() if name not in (key, BACK_TO)}
         self.sim.write(there, {**there, "metadata": {**there["metadata"], "annotations": notes}})
 
     # --- its robot --------------------------------------------------------------------------------------------------

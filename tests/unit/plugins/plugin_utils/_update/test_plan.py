@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO, SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
@@ -260,10 +261,13 @@ def test_what_somebody_else_set_and_set_back_belongs_to_what_is_kept() -> None:
     assert kept(item)["spec"]["template"]["spec"]["containers"] == item["spec"]["template"]["spec"]["containers"]
 
 
-def test_the_way_back_is_never_paused() -> None:
+def test_the_way_back_is_never_paused_and_has_nothing_of_the_step_that_brought_it() -> None:
     item = applied(robot(app("one"))).deployments[-1]
+    own = dict(item["metadata"]["annotations"])
+    item["metadata"]["annotations"] |= {UPDATING: "1", SOAKING: "1", BACK_TO: "image ros-app image=a:1"}
     item["spec"]["paused"] = True
     assert "paused" not in kept(item, whole=True)["spec"]
+    assert kept(item, whole=True)["metadata"]["annotations"] == own
 
 
 def test_a_step_says_all_that_its_phases_need() -> None:

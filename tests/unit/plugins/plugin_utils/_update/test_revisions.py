@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
@@ -37,6 +38,17 @@ def test_what_a_step_applies_again_anyway_is_not_suspected_and_a_mark_alone_is_n
     if proven:
         live = replace(live, maps=[{**live.maps[0], "data": record.fulfilled().data()}])
     assert [item["metadata"]["name"] for item in suspects(app_objects(ROBOT), live)] == ["sensor"] * proven
+
+
+def test_what_a_step_noted_is_no_change_by_hand() -> None:
+    """A keeper of an earlier collection takes its mark off, and leaves what is beside it."""
+    live, (wanted,) = copy.deepcopy(applied(ROBOT)), app_objects(ROBOT)
+    sensor = next(item for item in live.deployments if item["metadata"]["name"] == "sensor")
+    own, note = wanted["metadata"]["annotations"], {BACK_TO: "image ros-app image=a:1"}
+    sensor["metadata"].update(annotations={**own, **note, "theirs": "x"})
+    container(sensor).update(resources={"limits": {"cpu": "1"}})  # as the API server says the same
+    (asked,) = suspects([wanted], live)
+    assert asked == {**wanted, "metadata": {**wanted["metadata"], "annotations": {**own, **note}}}
 
 
 def by(item: dict[str, Any], manager: str, fields: dict[str, Any], subresource: str = "") -> None:

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Gra
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT, step_objects
@@ -239,7 +240,9 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     (kept,) = json.loads(objects[0]["data"]["history.json"])
     assert kept["deployment"] == step.previous["sensor"]
     assert kept["image"] == "example.org/app:1.0"
-    assert objects[-1]["metadata"]["annotations"][names.ANNOTATION_UPDATING] == f"1000 {revision_of(objects[-1])}"
+    notes = objects[-1]["metadata"]["annotations"]
+    assert notes[names.ANNOTATION_UPDATING] == f"1000 {revision_of(objects[-1])}"
+    assert "image ros-app image=example.org/app:1.0" in notes[BACK_TO].split("\n")
 
 
 def test_the_history_keeps_the_last_versions_each_once() -> None:

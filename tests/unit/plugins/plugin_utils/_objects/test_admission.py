@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What bounds keepers. How the API server judges by it, tests/update/test_9_rights.py shows on a real one."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import admission
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+APP = {
+    "name": "driver", "placement": "local", "image": "example.org/a:1",
+    "command": ["sh", "-c", "a\nb"], "env": {"A": "1"},
+}  # fmt: skip
+POLICY, BINDING = admission.admission_objects()
+LINES = {
+    "image ros-app image=example.org/a:1",
+    "env ros-app name=A value=1",
+    "replicas deployment spec.replicas=1",
+    "nodes 1",
+    "node rosops.fleet/robot=robot1",
+    "label rosops.fleet/robot=robot1",
+    "account pod automountServiceAccountToken=false",
+    "host pod",
+    "projected.sources rosops-code configMap.name=rosops-code",
+    "projected.sources rosops-code configMap.name=driver-update configMap.items=contract.json:contract.json",
+    "volumeMounts ros-app name=rosops-code mountPath=/opt/rosops-fleet/hooks readOnly=true",
+    "has pod nodeSelector",
+    "has volumes projected",
+    "has containers securityContext",
+}
+
+
+def deployment(**more: Any) -> dict[str, Any]:
+    (made,) = app_objects(robot({**APP, **more}))
+    return made
+
+
+def lines(made: dict[str, Any]) -> list[str]:
+    return admission.back_to(made)[BACK_TO].split("\n")
+
+
+def test_a_version_is_told_a_fact_a_line() -> None:
+    found = lines(deployment())
+    assert set(found) >= LINES
+    (run,) = (line for line in found if line.startswith("run "))
+    assert " | sh | -c | a\\nb args=" in run
+    assert " lifecycle.preStop.exec.command=python3 | " in run
+    (may,) = (line for line in found if line.startswith("may "))
+    assert "allowPrivilegeEscalation=false" in may
+    assert "capabilities.drop=AUDIT_WRITE | MKNOD" in may
+    assert all(line.split(" ")[0] in admission.WORDS for line in found)
+
+
+@pytest.mark.parametrize(
+    ("more", "new"),
+    [
+        ({"image": "example.org/a:2"}, {"image ros-app image=example.org/a:2"}),
+        ({"devices": ["/dev/ttyS0"]}, {
+            "may ros-app securityContext.privileged=true", "volume device-0 hostPath.path=/dev/ttyS0",
+            "volumeMounts ros-app name=device-0 mountPath=/dev/ttyS0", "has volumes hostPath",
+        }),
+        ({"host_network": True}, {"host pod hostNetwork=true", "has pod hostNetwork", "has pod dnsPolicy"}),
+        ({"env": {"A": {"secret": "s", "key": "k"}}}, {
+            "env ros-app name=A valueFrom.secretKeyRef.name=s valueFrom.secretKeyRef.key=k",
+        }),
+        ({"placement": "remote"}, {"node deploymentType=remote"}),
+        ({"overrides": {"spec": {"replicas": 2}}}, {"replicas deployment spec.replicas=2"}),
+        ({"overrides": {"spec": {"template": {"spec": {"hostNetwork": False, "serviceAccountName": "mine"}}}}}, {
+            "account pod serviceAccountName=mine automountServiceAccountToken=false",
+            "has pod hostNetwork", "has pod serviceAccountName",
+        }),
+    ],
+)  # fmt: skip
+def test_what_another_version_has_is_another_fact(more: dict[str, Any], new: set[str]) -> None:
+    ours = ("label rosops.fleet/revision", "note ", "run ", "env ros-app name=ROS")
+    found = set(lines(deployment(**more))) - set(lines(deployment()))
+    assert {line for line in found if not line.startswith(ours)} == new
+
+
+def test_none_before_and_one_with_too_many_facts() -> None:
+    assert admission.back_to(None) == {BACK_TO: ""}
+    many = {f"V{number}": "x" for number in range(admission.MOST)}
+    assert admission.back_to(deployment(env=many)) == {}
+
+
+def test_the_api_server_has_the_same_table() -> None:
+    found = {one["name"]: one["expression"] for one in POLICY["spec"]["variables"]}
+    assert json.loads(found["tells"]) == {kind: dict(words) for kind, words in admission.TELLS.items()}
+    paths = [path for words in admission.TELLS.values() for found in words.values() for path in found]
+    assert max(path.count(".") for path in paths) < 4
+    assert all(f"variables.tells['{kind}']" in found["facts"] for kind in admission.TELLS)
+
+
+def test_it_holds_for_keepers_alone_and_refuses() -> None:
+    assert BINDING["spec"] == {"policyName": POLICY["metadata"]["name"], "validationActions": ["Deny"]}
+    assert POLICY["spec"]["failurePolicy"] == "Fail"
+    (condition,) = POLICY["spec"]["matchConditions"]
+    assert "request.userInfo.username.endsWith(':ros-keeper')" in condition["expression"]
+    rules = POLICY["spec"]["validations"]
+    assert all(one["reason"] == "Forbidden" and "\n" not in one["message"] for one in rules)
+    written = {one["resources"][0].partition("/")[0] for one in POLICY["spec"]["matchConstraints"]["resourceRules"]}
+    assert {one["expression"].split("'")[1] for one in rules} == written
+
+
+def test_what_is_left_out_by_the_api_server_is_left_out() -> None:
+    made = copy.deepcopy(deployment())
+    pod = made["spec"]["template"]["spec"]
+    pod["hostPID"], pod["containers"][0]["args"] = False, []
+    pod["securityContext"] = {"runAsUser": 0, "supplementalGroups": [20, 44]}
+    found = lines(made)
+    assert {"host pod", "user pod securityContext.runAsUser=0 securityContext.supplementalGroups=20 | 44"} <= {*found}
+    assert not any("args=" in line for line in found)
