@@ -147,7 +147,8 @@ def update_plan(
     records = read_records(live.maps)
     there = _Robot(robot, desired, running, records, drifted, working(live, records))
     # a master is not made without its keeper, nor a pod whose gate only a new keeper opens
-    needing = [app for app in request.only if app == MASTER or any(map(has_gate, desired[app]))]
+    gated = (app for app in request.only if any(map(has_gate, desired[app])) and there.open(desired[app]))
+    needing = MASTER in request.only or any(gated)
     brought = KEEPER if needing and not request.to else ""
     asked = [
         app for app, objects in desired.items()

@@ -32,6 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import MAYBE_UNPROVEN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
@@ -134,7 +135,8 @@ class Simulation(SimulatedRobot):
         self.install_objects(robot, app_objects(robot))
 
     def install_objects(self, robot: Robot, apps: Sequence[Object]) -> None:
-        first = [*namespace_objects(robot), *code_maps(robot, {}), *master_objects(robot), *apps]
+        ground = [*namespace_objects(robot), *code_maps(robot, {}), *rest_maps(robot)]
+        first = [*ground, *master_objects(robot), *apps]
         for item in first:
             self.put(item)
             if item["kind"] == "Deployment":
