@@ -33,6 +33,7 @@ from .own_node import is_here, names_here, places, service_uris
 from .state import Settings, State, load_settings, load_state, ros_of, save_state
 
 HERE = Path(__file__).parent
+UNREGISTERED = "not registered with the master"
 SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
 CHILDREN_INTERVAL = 1.0
@@ -214,7 +215,7 @@ class Starting:
         if self.settings.expect_node:
             node = self.settings.node
             there = node in state.nodes()
-            return (node,), [] if there else [Check("node", node, WAIT, "not registered with the master")]
+            return (node,), [] if there else [Check("node", node, WAIT, UNREGISTERED)]
         found = tuple(name for name in sorted(self.outside.here(state)) if not is_tool(name))
         if not found:
             return (), [Check("node", self.settings.app, WAIT, "none is registered from this pod's address")]

@@ -8,6 +8,7 @@ what nobody else knows.
 from __future__ import annotations
 
 import contextlib
+import math
 import socket
 import threading
 import time
@@ -51,6 +52,7 @@ class Keeper:
     ) -> None:
         """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change."""
         self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
+        self.restarted_at = -math.inf  # when another master than before was seen, by `now`
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
         self.memory = memory.from_dict(kept.load("registrations"), now())
@@ -126,6 +128,7 @@ class Keeper:
         self.memory.master = master
         news = self._register(system, now, restarted) or bool(self.memory.missed)
         if restarted:
+            self.restarted_at = now
             self._replay(now)
         else:
             if news:

@@ -139,7 +139,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     if cluster and watch:
         threading.Thread(target=watch.run, daemon=True).start()
         if cluster.home != FLEET:  # a shared master's keeper is no robot's
-            gates = Readiness(cluster, uri, latched.keep, tell)
+            gates = Readiness(cluster, uri, latched.keep, lambda: keeper.restarted_at, tell)
             threading.Thread(target=gates.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0

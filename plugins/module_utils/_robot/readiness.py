@@ -19,9 +19,21 @@ from typing import Callable, Mapping, Sequence
 from .._common.errors import FleetError, RosError
 from .._common.poll import FAIL, PASS, overall
 from .._pod.own_node import OwnNode, places
-from .._pod.started import INTERVAL, SECONDS, SLOW_INTERVAL, Outside, Owed, Starting, introduce, message, owed_by
+from .._pod.started import (
+    INTERVAL,
+    SECONDS,
+    SLOW_INTERVAL,
+    UNREGISTERED,
+    Outside,
+    Owed,
+    Starting,
+    introduce,
+    message,
+    owed_by,
+)
 from .._pod.state import TIMEOUT, Settings, State, load_settings
 from .._ros.backend import Backend, MasterState
+from .._ros.checks import Check
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
@@ -38,6 +50,7 @@ TELL = 1.0  # s between two reasons that are told of one pod
 OWED = 1.0  # s for which what was read of its record counts
 GONE = 410  # the API's answer where the version to go on from is too old
 AGAIN = 1.0  # s after an API that did not answer
+UNHEARD = 5.0  # s for a node to register with a master that has just come: the keeper restores what it knew
 LATCHED = 1.0  # s for what the old pod's nodes have latched
 
 PROVE, WITHDRAW, END = "prove", "withdraw", "end"
@@ -103,12 +116,17 @@ class Readiness:
         cluster: Cluster,
         uri: str,
         keep_latched: Callable[[str, str, float], object],
+        restarted_at: Callable[[], float],
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`uri` is the ROS master's; `keep_latched` (node, its address, seconds) takes what a node has latched."""
+        """`uri` is the ROS master's; `keep_latched` (node, its address, seconds) takes what a node has latched.
+
+        `restarted_at`: when the master was seen to be another one than before, by `now`.
+        """
         self.cluster, self.uri, self.keep_latched, self.log = cluster, uri, keep_latched, log
+        self.restarted_at = restarted_at
         self.now, self.sleep = now, sleep
         self.namespace = cluster.home
         self.pods: dict[str, Object] = {}  # by uid, those with our gate
@@ -220,6 +238,9 @@ class Readiness:
             verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
             if verdict == PASS:
                 break
+            if self._unheard(checks, began):
+                self._begin_anew(pod)
+                return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
                 self._say(pod, False, text)
                 told, told_at = text, now
@@ -232,6 +253,17 @@ class Readiness:
         said = condition(True, PROVEN + container, _time())
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
         self.log(f"{name_of(pod)} is ready")
+
+    def _unheard(self, checks: Sequence[Check], began: float) -> bool:
+        """Whether its node told only a master that has gone: nodes of ROS 1 register once."""
+        there = not any(check.kind == "node" and check.reason.startswith(UNREGISTERED) for check in checks)
+        return not there and began < self.restarted_at() <= self.now() - UNHEARD
+
+    def _begin_anew(self, pod: Object) -> None:
+        words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
+        self.cluster.evict(self.namespace, pod, None)
+        self.cluster.tell(self.namespace, pod, "NodeUnheard", words, _time())
+        self.log(f"{name_of(pod)}: {words}")
 
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""

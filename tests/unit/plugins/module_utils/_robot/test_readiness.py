@@ -101,6 +101,7 @@ class Api:
         self.record: Object | None = None
         self.there: list[Object] = []
         self.events: list[Object] = []
+        self.evicted: list[str] = []
         self.refuses = 0
         self.read = 0
 
@@ -110,6 +111,14 @@ class Api:
             raise ApiError("no", self.refuses)
         assert condition["type"] == READINESS
         self.conditions.append((item["metadata"]["uid"], condition["status"], condition["message"]))
+
+    def evict(self, namespace: str, item: Object, seconds: int | None) -> None:
+        assert (namespace, seconds) == (self.home, None)
+        self.evicted.append(item["metadata"]["uid"])
+
+    def tell(self, namespace: str, item: Object, reason: str, message: str, at: str) -> None:
+        assert (namespace, item["metadata"]["uid"], reason) == (self.home, self.evicted[-1], "NodeUnheard")
+        assert "register once" in message and at
 
     def config_map(self, _namespace: str, name: str) -> Object | None:
         assert name == "talker-update"
@@ -126,7 +135,7 @@ class Api:
 
 class Scene:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.world, self.api, self.at = World(), Api(), 0.0
+        self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
@@ -156,6 +165,7 @@ class Scene:
             cast("Cluster", self.api),
             "http://master:11311",
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
+            lambda: self.restarted_at,
             self.log.append,
             lambda: self.at,
             self.sleep,
@@ -282,6 +292,26 @@ def test_without_a_master_the_node_that_was_seen_is_ended(scene: Scene) -> None:
     scene.done.clear()
     scene.gates.take(pod(says="c1", ends=True))
     assert scene.done == []
+
+
+@pytest.mark.parametrize(("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0)])
+def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
+    scene: Scene, restarted: float, comes: float, evicted: int
+) -> None:
+    """Not one that only takes its time, nor one that was there before its pod."""
+    registered = dict(scene.world.publishers)
+    scene.world.publishers = {"/in": ["/source"]}
+    scene.world.subscribers, scene.world.services = {}, {}
+
+    def come() -> None:
+        scene.world.publishers = registered
+
+    def restart() -> None:
+        scene.restarted_at = restarted
+
+    scene.soon = [(3.0, restart), (comes, come), (20.0, lambda: scene.gates.pods.clear())]
+    scene.gates.take(pod())
+    assert len(scene.api.evicted) == evicted
 
 
 def test_pods_without_our_gate_are_nobodys_business(scene: Scene) -> None:
