@@ -52,7 +52,7 @@ class Keeper:
     ) -> None:
         """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change."""
         self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
-        self.restarted_at = -math.inf  # when another master than before was seen, by `now`
+        self.restarted_at = -math.inf  # when another master was seen than this process had seen before, by `now`
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
         self.memory = memory.from_dict(kept.load("registrations"), now())
@@ -126,9 +126,10 @@ class Keeper:
             self.away = ""
         restarted = bool(self.memory.master) and master != self.memory.master
         self.memory.master = master
+        known = self.seen is not None
         news = self._register(system, now, restarted) or bool(self.memory.missed)
         if restarted:
-            self.restarted_at = now
+            self.restarted_at = now if known else self.restarted_at  # else its host was booted, and all pods with it
             self._replay(now)
         else:
             if news:

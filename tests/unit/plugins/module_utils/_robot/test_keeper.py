@@ -332,6 +332,19 @@ def test_a_restarted_master_gets_everything_back(bench: Bench) -> None:
     assert "3 registrations of 2 nodes and 1 parameters restored" in bench.said[-1]
 
 
+def test_when_the_master_was_restarted_is_known_to_who_saw_the_one_before(bench: Bench) -> None:
+    bench.steps(2)
+    assert bench.keeper.restarted_at < 0
+    bench.ros.restart()
+    at = bench.at
+    bench.step()
+    assert bench.keeper.restarted_at == at
+    bench.ros.restart()
+    again = bench.start()  # the host was booted, and with it both
+    bench.step()
+    assert again.restarted_at < 0
+
+
 def test_what_died_with_the_master_or_was_set_since_is_left_alone(bench: Bench) -> None:
     bench.steps(2)
     bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens")
