@@ -95,4 +95,4 @@ def own_parameters(fleet: Fleet, node: str) -> dict[str, Any]:
     """Name of the node's version -> its private parameters."""
     (asked,) = fleet.pods()["robot1"]["add-two-ints"]
     known = fleet.cluster.parameters("robot1", asked.name)
-    return {name: value for name, value in known.items() if re.fullmatch(rf"{node}(_[0-9a-f]{{8}})?", name)}
+    return {name: value for name, value in known.items() if re.fullmatch(rf"{node}(_[0-9a-f]{{8}}_\w+)?", name)}
