@@ -66,17 +66,19 @@ class Clock(tzinfo):
     def __init__(self, turns: Sequence[Turn]) -> None:
         self.turns = turns or ((0.0, 0.0),)
 
-    def utcoffset(self, at: datetime | None) -> timedelta:
-        local = ((at or EPOCH).replace(tzinfo=None) - EPOCH).total_seconds()
+    def utcoffset(self, dt: datetime | None) -> timedelta:
+        local = ((dt or EPOCH).replace(tzinfo=None) - EPOCH).total_seconds()
         later = [
-            now for (_, before), (since, now) in zip(self.turns, self.turns[1:]) if local >= since + max(before, now)
+            now
+            for (_since, before), (since, now) in zip(self.turns, self.turns[1:])
+            if local >= since + max(before, now)
         ]
         return timedelta(seconds=[self.turns[0][1], *later][-1])
 
-    def fromutc(self, at: datetime) -> datetime:
-        seconds = (at.replace(tzinfo=None) - EPOCH).total_seconds()
+    def fromutc(self, dt: datetime) -> datetime:
+        seconds = (dt.replace(tzinfo=None) - EPOCH).total_seconds()
         past = [now for since, now in self.turns if since <= seconds]
-        return at + timedelta(seconds=[self.turns[0][1], *past][-1])
+        return dt + timedelta(seconds=[self.turns[0][1], *past][-1])
 
     def dst(self, _at: datetime | None) -> None:
         """It is not told."""
