@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from pathlib import Path
 
@@ -24,22 +23,6 @@ STATE = LabState(
     ),
 )
 KEYS = Keys(Path("/work dir/50%/.lab/demo/ssh"))
-
-
-def test_groups_hold_the_hosts_in_order() -> None:
-    listing = inventory(STATE, KEYS, "/x/.lab/demo", {})
-    assert listing["edge"]["hosts"] == ["edge1"]
-    assert listing["robots"]["hosts"] == ["robot1", "robot2"]
-    assert set(listing["_meta"]["hostvars"]) == {"edge1", "robot1", "robot2"}
-    json.dumps(listing)
-
-
-def test_artifacts_become_lab_variables() -> None:
-    artifacts = {"airgap_dir": "/cache/labk3s-1", "image_archives": ["/cache/a.tar"]}
-    variables = inventory(STATE, KEYS, "/x/.lab/demo", artifacts)["all"]["vars"]
-    assert variables["lab_airgap_dir"] == "/cache/labk3s-1"
-    assert variables["lab_image_archives"] == ["/cache/a.tar"]
-    assert variables["lab_dir"] == "/x/.lab/demo"
 
 
 def test_a_file_for_an_inventory_of_one_s_own_says_the_same() -> None:

@@ -18,7 +18,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images import archive as _archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
     Archives,
-    Image,
     archive_images,
     normal_ref,
     opened,
@@ -47,14 +46,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
 ])  # fmt: skip
 def test_names_are_containerds(ref: str, full: str) -> None:
     assert normal_ref(ref) == full
-
-
-def test_the_id_is_the_configurations_digest_whatever_its_file_is_called(tmp_path: Path) -> None:
-    path = docker(tmp_path / "a.tar", ["lab/apps:1.0", "lab/apps:latest"])
-    assert archive_images(path) == [
-        Image("docker.io/lab/apps:1.0", ID, "amd64"),
-        Image("docker.io/lab/apps:latest", ID, "amd64"),
-    ]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_level, hosts_off, level
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import host_columns
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Claim, Status, Workload, some
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Claim, Status, some
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import grid
 
 UP = {"name": "robot1", "group": "robots", "reachable": True}
@@ -58,10 +58,6 @@ def test_what_goes_with_a_robot_that_is_off_is_no_worse_than_the_robot() -> None
     apps = [app("robot1", 0), app("robot2", 0), app("robot2", 0, nodes=["edge1"])]
     found = status(hosts=[UP, OFF], apps=apps)
     assert [level(row, hosts_off(found)) for row in found.apps] == ["bad", "warn", "bad"]
-
-
-def test_a_pod_that_is_on_no_node_is_nobodys_absence() -> None:
-    assert level(Workload("robot2", "sensor"), {"robot2"}) == "bad"
 
 
 def test_what_is_unknown_is_not_green() -> None:

@@ -294,11 +294,6 @@ def test_rows_of_hosts() -> None:
     assert robot == Host("robot2", "robots", "robot2", "agent", "edge", False, "timed out")
 
 
-def test_each_cluster_is_asked_with_one_of_its_hosts() -> None:
-    asked, silent = look.clusters_of(found())
-    assert (asked, silent) == ({"edge": "edge1", "lone": "lone"}, {})
-
-
 def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:
     asked, silent = look.clusters_of(found(off=("edge1",)))
     assert (list(asked), silent) == (["lone"], {"edge": "its servers are unreachable"})

@@ -70,10 +70,6 @@ def test_the_topics_of_an_action_are_one_link() -> None:
         assert link.broken == (("/mission", "/move_base"),)
 
 
-def test_what_nobody_listens_to_is_no_link() -> None:
-    assert "/log/bag_state" not in found()
-
-
 # --- processes of launch files
 
 
