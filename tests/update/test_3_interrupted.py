@@ -66,7 +66,8 @@ def test_robot_that_says_no_is_left_alone_until_it_says_yes(fleet: Fleet) -> Non
     fleet.assert_still_running(before, "robot1")
 
     quiet = fleet.changed("robot1", "add-two-ints", wanted, update={"when": [{"topic": "joy", "quiet": 3}]})
-    run = fleet.update(quiet, **ALL_AT_ONCE, update_on_busy="defer").must(0, robot1="updated", robot2="unchanged")
+    run = fleet.update(quiet, **ALL_AT_ONCE, update_on_busy="defer").must(0, robot1="updated", robot2="updated")
+    assert run.host("robot2")["reason"] == "ConfigMap robot-robot2/robot-rest", run  # it is asked nothing any more
     assert run.steps("robot1")[-1]["busy_wait"] >= 3, run
     watch.assert_nothing_lost()
 
