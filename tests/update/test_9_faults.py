@@ -9,7 +9,16 @@ import pytest
 from cluster import KEEPER, MASTER
 from fleet import Fleet
 from runs import wait_until
-from test_9_other_doors import PUBLISHER, SECONDS, SUBSCRIBER, assert_alone, deployments, kubectl, replaced
+from test_9_other_doors import (
+    PUBLISHER,
+    SECONDS,
+    SUBSCRIBER,
+    assert_alone,
+    assert_own_nodes,
+    deployments,
+    kubectl,
+    replaced,
+)
 
 APPS = [PUBLISHER, SUBSCRIBER]
 KILL = "delete pod --force --grace-period=0 -l rosops.fleet/app="
@@ -58,4 +67,4 @@ def test_a_reboot_takes_the_proof_back(fleet: Fleet) -> None:
     assert pod.uid == before.uid
     assert pod.containers[0] in pod.gate, pod
     fleet.wait_for_goal("robot1", time.time())
-    assert_alone(fleet, [PUBLISHER])
+    assert_own_nodes(fleet, [PUBLISHER])

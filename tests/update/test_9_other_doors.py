@@ -43,14 +43,21 @@ def replaced(fleet: Fleet, apps: Sequence[str], before: dict[str, list[Pod]]) ->
 
 
 def assert_alone(fleet: Fleet, apps: Sequence[str]) -> None:
-    """On the graph each has the node of its pod, and no other version's; none of its containers ended."""
+    """`assert_own_nodes`, and none of their containers ended."""
+    assert_own_nodes(fleet, apps)
+    pods = fleet.pods()["robot1"]
+    ended = {app: fleet.cluster.last_words("robot1", app) for app in apps if any(pod.ended for pod in pods[app])}
+    assert not ended, ended
+
+
+def assert_own_nodes(fleet: Fleet, apps: Sequence[str]) -> None:
+    """On the graph each has the node of its pod, and no other version's."""
     pods = fleet.pods()["robot1"]
     nodes = fleet.cluster.ros_nodes("robot1", pods["add-two-ints-client"][0].name)
     for app in apps:
         name, (pod,) = app.replace("-", "_"), pods[app]
         own = [node for node in nodes if re.fullmatch(rf"/{name}(_[0-9a-f]{{8}}(_\w+)?)?", node)]
         assert own == [f"/{name}_{pod.version}"], nodes
-        assert not pod.ended, fleet.cluster.last_words("robot1", app)
 
 
 def unchanged(fleet: Fleet) -> None:
