@@ -12,10 +12,9 @@ import os
 import resource
 import socket
 import subprocess
-import threading
 import time
 import xmlrpc.client
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import PROBE, master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import ticking
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     environment,
     start_server,
@@ -170,22 +170,9 @@ def shares(pids: Mapping[str, int], seconds: float) -> dict[str, float]:
     return {name: (cpu_seconds(pid) - before[name]) / took * 1000 for name, pid in pids.items()}
 
 
-@contextlib.contextmanager
-def scraping(scene: ExporterScene) -> Iterator[None]:
+def scraping(scene: ExporterScene) -> contextlib.AbstractContextManager[None]:
     """As Prometheus does."""
-    over = threading.Event()
-
-    def scrape() -> None:
-        while not over.wait(INTERVAL):
-            zipped_scrape(scene)
-
-    thread = threading.Thread(target=scrape)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+    return ticking(INTERVAL, lambda: zipped_scrape(scene))
 
 
 def earlier(scene: ExporterScene) -> float:

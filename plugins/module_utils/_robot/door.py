@@ -25,7 +25,7 @@ from .._ros.idle_robot import IdleRobot, reason_of
 from .._ros.raw_node import Asked, Said
 from .._step.objects import Object, holder_of, name_of, node_of, revision_of, suffix_of, version_of
 from .._step.record import answer, soaks
-from .._step.rest import actions_to_rest, nodes_below, own_nodes
+from .._step.rest import MARGIN, actions_to_rest, nodes_below, own_nodes
 from .._step.windows import Windows
 from .._step.words import FLEET, OWNER, REST, REST_KEY
 from .cluster_api import read_records
@@ -33,7 +33,6 @@ from .holds import Holds
 
 PATH = "/v1/"
 INTERVAL = 0.2
-MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
 

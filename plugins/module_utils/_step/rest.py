@@ -9,6 +9,8 @@ from .._ros.graph import Graph, host_of, names_of
 from .._ros.names import is_tool
 from .objects import Object, app_of
 
+MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
+
 
 def own_nodes(
     named: Mapping[str, str], graph: Graph, pods: Iterable[Object], versions: Mapping[str, str] | None = None

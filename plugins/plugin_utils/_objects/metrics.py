@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 
 from ...module_utils._exporter.exporter import PATH
 from ...module_utils._step.objects import Object
+from ...module_utils._step.update_record import NAME as UPDATES
 from .._model import context, names
 from .._model.context import Robot
 from .._model.formats import quantity_value
 from .common import mount
 
-UPDATES_MAP, UPDATES_DIR = "robot-updates", "/etc/rosops-fleet/updates"
+UPDATES_DIR = "/etc/rosops-fleet/updates"
 STORAGE = "/var/lib/rancher/k3s/storage"  # where k3s' class local-path has its volumes
 CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
 # Only with claims, mounted read-only: apps' directories may be closed to others. Not DAC_READ_SEARCH, which sounds like
@@ -36,7 +37,7 @@ class Share(NamedTuple):
 def metrics_share(robot: Robot) -> Share:
     """Of the robot's keeper. That of a shared master is the same whichever robot it comes from, and sees no claims."""
     # the map is made by the first update
-    volumes: list[Object] = [{"name": "updates", "configMap": {"name": UPDATES_MAP, "optional": True}}]
+    volumes: list[Object] = [{"name": "updates", "configMap": {"name": UPDATES, "optional": True}}]
     mounts, words = [mount("updates", UPDATES_DIR, read_only=True)], list[str]()
     capacities = _capacities(robot)
     if capacities:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
 from ...module_utils._ros.graph import Graph
+from ...module_utils._step.rest import MARGIN
 from ...module_utils._step.update_record import ways_back
 from .._kube.applied import Applied
 from .._kube.running import Known
@@ -30,7 +31,6 @@ MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot, at least; what is open is said after each
 GRAPH_SECONDS = 1.0  # for which the graph has to be as it should be
 STAY_EXTRA = 5.0  # until the API shows what the robot shows
-MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 LOOKS = 50  # at a robot that works, about, at most
 NO_MASTER = "run the stage master of rosops.fleet.site first"
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
