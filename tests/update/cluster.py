@@ -286,4 +286,6 @@ class Hosts:
         wait_until(
             look, lambda late: not late, patience, f"accounts of {robot} past the update (seconds behind)", pause=1
         )
-        return evidence.losses(seen, since, evidence.newest(seen[evidence.STATS]))
+        # a sensor that skipped readings may say so later than their subscriber notes what it lacks
+        ends = [evidence.newest(seen.get(name, [])) for name in (evidence.STATS, evidence.PUBLISHED)]
+        return evidence.losses(seen, since, min(end for end in ends if end > until))
