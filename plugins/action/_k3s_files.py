@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
@@ -12,7 +11,7 @@ from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import plain
 from ..plugin_utils._k3s.source import tokens_to_keep
-from ..plugin_utils._k3s.wanted import HostFile, wanted
+from ..plugin_utils._k3s.wanted import wanted
 
 
 class ActionModule(FleetAction):
@@ -28,31 +27,23 @@ class ActionModule(FleetAction):
 
     def work(self, params: Arguments, known: Variables) -> Result:
         check, variables, plan = self._task.check_mode, self.variables(known, "k3s"), plain(params["plan"])
+        host, staged = ActionHost(self, known, check_mode=check), plan["staged"]
         # where it is staged, its place is looked at only
-        host = ActionHost(self, known, check_mode=check or bool(plan["staged"]))
-        own, hostvars = known["inventory_hostname"], known["hostvars"]
-        files = wanted(variables, own, hostvars, plan["joins"], plan["etcd"]).files
+        place = ActionHost(self, known, check_mode=check or bool(staged))
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"], plan["joins"], plan["etcd"]).files
         result = {"changed": False, "diff": [], "written": plan["write"], "removed": plan["remove"]}
         read = plain(self._templar.template(known.get(params["registered"], {}))).get("results", [])
         texts = tokens_to_keep(plan["tokens"], read, variables)
-        tokens = ActionHost(self, known, check_mode=check)
-        done = [tokens.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False) for name, text in texts.items()]
-        done += [
-            host.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret)
-            for file in files
-            if file.path in plan["write"]
-        ]
-        done += [host.module("ansible.builtin.file", {"path": path, "state": "absent"}) for path in plan["remove"]]
-        for one in [*done, *self._stage(files, plan, known)]:
+        done = [host.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False) for name, text in texts.items()]
+        for file in (file for file in files if file.path in plan["write"]):
+            done.append(place.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret))
+            if staged and not check:
+                done.append(host.write(file.path + staged, file.content, file.mode, diff=False))
+        done += [place.module("ansible.builtin.file", {"path": path, "state": "absent"}) for path in plan["remove"]]
+        for one in done:
             if one.get("failed"):
                 return {**result, "failed": True, "msg": one.get("msg", "a file could not be written")}
             diffs = one.get("diff") or []
             result["diff"] += diffs if isinstance(diffs, list) else [diffs]
             result["changed"] |= bool(one.get("changed"))
         return result
-
-    def _stage(self, files: Sequence[HostFile], plan: Arguments, known: Variables) -> Iterator[Result]:
-        host = ActionHost(self, known)
-        for file in files:
-            if plan["staged"] and file.path in plan["write"] and not self._task.check_mode:
-                yield host.write(file.path + plan["staged"], file.content, file.mode, diff=False)

@@ -145,10 +145,7 @@ class Host:
             return ""
 
     def exists(self, name: str) -> bool:
-        try:
-            return os.path.lexists(str(self.path(name)))
-        except OSError:
-            return False
+        return os.path.lexists(str(self.path(name)))
 
     def names(self, name: str) -> list[str]:
         try:

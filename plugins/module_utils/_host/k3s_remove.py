@@ -59,27 +59,18 @@ class Process(NamedTuple):
 
 
 def own_processes(processes: Iterable[Process]) -> list[int]:
-    """What is left in the units' cgroups, the pods' shims and everything below them, children before parents."""
-    listed = sorted(processes, key=lambda process: process.pid)
-    children: dict[int, list[int]] = {}
-    for process in listed:
-        children.setdefault(process.parent, []).append(process.pid)
-    order: list[int] = []
-    stack = [process.pid for process in listed if _is_k3s(process)]
-    while stack:
-        pid = stack.pop()
-        if pid in order:
-            order.remove(pid)  # a child that was met by itself before: it goes before its parent
-        order.append(pid)
-        stack.extend(children.get(pid, []))
-    return order[::-1]
+    """What is left in the units' cgroups, the pods' shims and everything below them, the youngest first."""
+    listed = list(processes)
+    found = {process.pid for process in listed if _is_k3s(process)}
+    while below := {process.pid for process in listed if process.parent in found} - found:
+        found |= below
+    return sorted(found, reverse=True)
 
 
 def in_pods(processes: Iterable[Process]) -> list[int]:
     """Of these the ones in containers: they get the time that a pod has to stop. A shim is nobody's to ask."""
     listed = list(processes)
-    known = {process.pid: process for process in listed}
-    return [pid for pid in own_processes(listed) if not _is_k3s(known[pid])]
+    return [pid for pid in own_processes(listed) if pid not in {one.pid for one in listed if _is_k3s(one)}]
 
 
 def _is_k3s(process: Process) -> bool:
@@ -227,8 +218,9 @@ class Remover(K3sHost):
         return found
 
     def paths(self, volumes: bool, identity: bool, installed: bool) -> list[str]:
-        places = [*PLACES, *self.cni_results()] if installed else []
-        found = [name for name in [*OURS, *places] if self.removable(name)]
+        # what the CNI plugins remember of k3s's network; that of other engines is beside it
+        results = [f"{CNI_RESULTS}/{name}" for name in self.names(CNI_RESULTS) if name.startswith("cbr0-")]
+        found = [name for name in [*OURS, *([*PLACES, *results] if installed else [])] if self.removable(name)]
         found += [name for name in LINKS if self.links_to_k3s(name)]
         found += self.data_paths(volumes)
         found += [name for name in (CONFIG_DIR, *BINARIES) if self.removable(name)]
@@ -237,10 +229,6 @@ class Remover(K3sHost):
         for name in found if not self.dry else []:
             self.delete(name)
         return found
-
-    def cni_results(self) -> list[str]:
-        """What the CNI plugins remember of k3s's network; that of other engines is beside it."""
-        return sorted(f"{CNI_RESULTS}/{path.name}" for path in self.path(CNI_RESULTS).glob("cbr0-*"))
 
     def removable(self, name: str) -> bool:
         """Whether it is there; a mount point of the operator's counts only with something in it."""
@@ -253,10 +241,7 @@ class Remover(K3sHost):
 
     def data_paths(self, volumes: bool) -> list[str]:
         """The data directory piece by piece if the volumes stay, so that theirs is never touched."""
-        data = self.path(DATA_DIR)
-        if not data.exists():
-            return []
-        names = sorted(entry.name for entry in data.iterdir())
+        names = self.names(DATA_DIR)
         if not volumes and STORAGE in names:
             return [f"{DATA_DIR}/{name}" for name in names if name != STORAGE]
         return [DATA_DIR] if self.removable(DATA_DIR) else []

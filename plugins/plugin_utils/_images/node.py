@@ -45,19 +45,6 @@ class NodeHost(Protocol):
 
 
 @dataclass(frozen=True)
-class ImagePlan:
-    """What must be there in the end, name to ID, and what is to be done for it.
-
-    A pulled image's ID is not known beforehand and is empty. `bring` are archives, each with the images that are
-    lacking of it, `pull` names that no archive holds.
-    """
-
-    wanted: Mapping[str, str]
-    bring: Mapping[str, Sequence[Image]]
-    pull: Sequence[str]
-
-
-@dataclass(frozen=True)
 class Brought:
     """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
 
@@ -79,21 +66,14 @@ class Brought:
         return bool(self.imported or self.pulled or self.pins)
 
 
+@dataclass(frozen=True)
 class NodeImages:
-    """The images of one node; `say` is told what takes long."""
+    """The images of one node. `say` is told what takes long; `logins` are `{registry, username, password}`."""
 
-    def __init__(
-        self,
-        host: NodeHost,
-        rate_limit: str = "",
-        say: Callable[[str], None] = lambda _text: None,
-        logins: Sequence[Variables] = (),
-    ) -> None:
-        """`logins` are credentials for registries, `{registry, username, password}`."""
-        self.host = host
-        self.logins = logins
-        self.rate_limit = rate_limit
-        self.say = say
+    host: NodeHost
+    rate_limit: str = ""
+    say: Callable[[str], None] = lambda _text: None
+    logins: Sequence[Variables] = ()
 
     def present(self, without_k3s: bool = False) -> Present:
         """What the node has; with `without_k3s`, a host on which k3s is not installed yet has no images."""
@@ -115,37 +95,40 @@ class NodeImages:
         if not archives and not names:
             return Brought()
         there = self.present(without_k3s=check)
-        plan = images_plan([{**one, "path": local_path(one["path"])} for one in archives], names, there)
+        archives = [{**one, "path": local_path(one["path"])} for one in archives]
+        wanted, lacking, pull = images_plan(archives, names, there)
         after = there
         if check:
-            known = {ref: digest or there.images.get(ref, "") for ref, digest in plan.wanted.items()}
+            known = {ref: digest or there.images.get(ref, "") for ref, digest in wanted.items()}
             after = replace(there, images={**there.images, **known})
-        elif plan.bring or plan.pull:
+        elif lacking or pull:
             try:
-                after = self._change(plan, there)
+                after = self._change(wanted, lacking, pull, there)
             except ImagesError as error:  # whoever goes on without it has to know what there is
                 error.details["present"] = dict(self.present().images)
                 raise
-        changes = pins(plan.wanted, after, map(normal_ref, keep))
+        changes = pins(wanted, after, map(normal_ref, keep))
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             _require(self._command("/bin/sh", "-c", LABEL, BINARY, *pairs), f"images not pinned: {' '.join(pairs)}")
-        before, now = ({ref: one.images[ref] for ref in plan.wanted if ref in one.images} for one in (there, after))
-        problems = tuple(images_problems(plan.wanted, after.images))
-        return Brought(tuple(plan.bring), tuple(plan.pull), problems, before, now, after.images, changes)
+        before, now = ({ref: one.images[ref] for ref in wanted if ref in one.images} for one in (there, after))
+        problems = tuple(images_problems(wanted, after.images))
+        return Brought(tuple(lacking), tuple(pull), problems, before, now, after.images, changes)
 
-    def _change(self, plan: ImagePlan, there: Present) -> Present:
+    def _change(
+        self, wanted: Mapping[str, str], lacking: Mapping[str, Sequence[Image]], pull: Iterable[str], there: Present
+    ) -> Present:
         """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
-        needed = {path: self._import(path, images, there) for path, images in plan.bring.items()}
-        archived = ", ".join(sorted(ref for ref, digest in plan.wanted.items() if digest))
-        for name in plan.pull:
+        needed = {path: self._import(path, images, there) for path, images in lacking.items()}
+        archived = ", ".join(sorted(ref for ref, digest in wanted.items() if digest))
+        for name in pull:
             more = f"; no archive in images_archives has it, only {archived}" if archived else ""
             _require(self._pull(name), f"{BINARY} crictl pull {name}", more)
         after = self.present()
         again = [path for path, digests in needed.items() if not digests <= after.blobs]
         for path in again:
             self.say(f"the node has not kept all that it had of {path}")
-            _require(self._load(path, Path(path)), f"{path} could not be imported")
+            self._whole(path)
         return self.present() if again else after
 
     def _import(self, path: str, images: Sequence[Image], there: Present) -> frozenset[str]:
@@ -158,8 +141,11 @@ class NodeImages:
                 self.say(f"no part of {path} is left out: {error}")
             if needed is not None and not self._load(path, file).get("failed"):
                 return needed
-        _require(self._load(path, Path(path)), f"{path} could not be imported")
+        self._whole(path)
         return frozenset()
+
+    def _whole(self, path: str) -> None:
+        _require(self._load(path, Path(path)), f"{path} could not be imported")
 
     def _load(self, path: str, file: Path) -> Result:
         """Copy and import a file. Never more than one lies on the node beside the images that come out of it."""
@@ -176,10 +162,10 @@ class NodeImages:
     def _pull(self, name: str) -> Result:
         """With each of the credentials, until one will do. They go by standard input: command lines are seen by all."""
         self.say(f"pulling {name}")
-        known = auths(name, self.logins)
-        result = {} if known else self._command(BINARY, "crictl", "pull", name)
-        for auth in known:
-            result = self._command("/bin/sh", "-c", PULL_AS, BINARY, name, stdin=auth)
+        result: Result = {}
+        for auth in auths(name, self.logins) or [""]:
+            how = ("/bin/sh", "-c", PULL_AS, BINARY, name) if auth else (BINARY, "crictl", "pull", name)
+            result = self._command(*how, stdin=auth)
             if not result.get("failed"):
                 break
         return result
@@ -193,9 +179,8 @@ class NodeImages:
 
     def _command(self, *argv: str, stdin: str = "") -> Result:
         """Run it; what it gets on its standard input is a secret."""
-        if stdin:
-            return self.host.module("ansible.builtin.command", {"argv": [*argv], "stdin": stdin}, secret=True)
-        return self.host.module("ansible.builtin.command", {"argv": [*argv]})
+        given = {"argv": [*argv], **({"stdin": stdin} if stdin else {})}
+        return self.host.module("ansible.builtin.command", given, secret=bool(stdin))
 
 
 def _require(result: Result, what: str, more: str = "") -> None:
@@ -210,8 +195,11 @@ def _reason(result: Result) -> str:
 # --- what is to be done -----------------------------------------------------------------------------------------------
 
 
-def images_plan(archives: Iterable[Arguments], names: Iterable[str], present: Present) -> ImagePlan:
-    """What a node lacks: a whole archive if one of its images is missing, and names that no archive holds.
+def images_plan(
+    archives: Iterable[Arguments], names: Iterable[str], present: Present
+) -> tuple[dict[str, str], dict[str, Sequence[Image]], list[str]]:
+    """What must be there in the end, name to ID; the archives to bring, each with those of its images that the node
+    lacks; and the names to pull, which no archive holds. A pulled image's ID is not known beforehand and is empty.
 
     An archive is `{path, images}`, where `images` names those that count; none means all.
     """
@@ -228,7 +216,7 @@ def images_plan(archives: Iterable[Arguments], names: Iterable[str], present: Pr
             bring[path] = missing
     refs = list(dict.fromkeys(normal_ref(name) for name in names))
     pull = [ref for ref in refs if ref not in present.images and ref not in wanted]
-    return ImagePlan({**dict.fromkeys(refs, ""), **wanted}, bring, pull)
+    return {**dict.fromkeys(refs, ""), **wanted}, bring, pull
 
 
 def _chosen(archive: Arguments, images: list[Image]) -> list[Image]:

@@ -63,7 +63,7 @@ def test_tokens_come_in_place_and_what_they_are_not_shown(written: list[tuple[st
 def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list[tuple[str, bool]]) -> None:
     assert files(".next")["changed"]
     assert written == [
-        (CONFIG, True), (UNIT, True), (REGISTRIES, True), (f"{CONFIG}.next", False), (f"{UNIT}.next", False),
+        (CONFIG, True), (f"{CONFIG}.next", False), (UNIT, True), (f"{UNIT}.next", False), (REGISTRIES, True),
     ]  # fmt: skip
 
 

@@ -321,17 +321,17 @@ def listing(*images: tuple[str, list[str]]) -> str:
 def test_what_is_there_by_id_does_not_travel(tmp_path: Path, text: str, brings: bool, pulls: bool) -> None:
     path = docker(tmp_path / "a.tar", ["lab/apps:1.0"])
     names = ["redis:7", "docker.io/redis:7", "lab/apps:1.0"]  # what an archive holds is not pulled
-    plan = images_plan([{"path": path}], names, Present("x86_64", node_images(text)))
-    assert [*plan.bring] == ([path] if brings else [])
-    assert plan.pull == ([REDIS] if pulls else [])
-    assert plan.wanted == {APPS: ID, REDIS: ""}
+    wanted, bring, pull = images_plan([{"path": path}], names, Present("x86_64", node_images(text)))
+    assert [*bring] == ([path] if brings else [])
+    assert pull == ([REDIS] if pulls else [])
+    assert wanted == {APPS: ID, REDIS: ""}
 
 
 def test_only_the_named_images_count(tmp_path: Path) -> None:
     path = docker(tmp_path / "a.tar", ["lab/apps:1.0", "lab/ros:noetic"])
     present = Present("x86_64", {APPS: ID})
-    assert images_plan([{"path": path}], [], present).bring
-    assert images_plan([{"path": path, "images": ["lab/apps:1.0"]}], [], present).bring == {}
+    assert images_plan([{"path": path}], [], present)[1]
+    assert images_plan([{"path": path, "images": ["lab/apps:1.0"]}], [], present)[1] == {}
     with pytest.raises(SpecError, match=r"does not hold docker.io/lab/apps:2.0, only docker.io/lab/apps:1.0"):
         images_plan([{"path": path, "images": ["lab/apps:2.0"]}], [], present)
 
