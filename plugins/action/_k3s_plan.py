@@ -17,8 +17,7 @@ from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
-from ..plugin_utils._k3s.source import source
-from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
+from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, source, wanted
 from ..plugin_utils._kube.kubeconfig import is_foreign, is_made_from, kubeconfig_head
 from ..plugin_utils._model.topology import address
 

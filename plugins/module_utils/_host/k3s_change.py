@@ -94,8 +94,8 @@ class K3sChange(K3sHost):
             if existed:
                 self._link(name + PREVIOUS, name + NEXT)
                 self.path(name + NEXT).replace(self.path(name))
-            elif self.path(name).exists():
-                self.path(name).unlink()
+            else:
+                self.path(name).unlink(missing_ok=True)
         try:
             if kept:
                 self._restore(kept)
@@ -170,12 +170,10 @@ class K3sChange(K3sHost):
     def _link(self, name: str, other: str) -> None:
         """The same file under another name, put there at once. A binary of 70 MB is not copied."""
         new = self.path(f"{other}.new")
-        if new.exists():
-            new.unlink()
+        new.unlink(missing_ok=True)
         os.link(str(self.path(name)), str(new))
         new.replace(self.path(other))
-        if new.exists():  # rename does nothing where both names are of one file
-            new.unlink()
+        new.unlink(missing_ok=True)  # rename does nothing where both names are of one file
 
     def _write(self, record: Change) -> None:
         place, new = self.path(RECORD), self.path(f"{RECORD}.new")

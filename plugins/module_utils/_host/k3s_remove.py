@@ -7,6 +7,7 @@ may be touched, whatever else runs on the robot.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -95,11 +96,6 @@ def without_own_rules(saved: str) -> str:
     return "".join(line for line in saved.splitlines(keepends=True) if not CHAINS.search(line))
 
 
-def mounts_below(mounts: str, directory: str) -> list[str]:
-    """What is still mounted below a directory. Deleting would reach through it, into data that is elsewhere."""
-    return [point for point in _points(mounts) if point.startswith(directory.rstrip("/") + "/")]
-
-
 def _points(mounts: str) -> list[str]:
     return [line.split()[1].replace("\\040", " ") for line in mounts.splitlines() if len(line.split()) > 1]
 
@@ -115,7 +111,7 @@ class Remover(K3sHost):
 
     def everything(self, volumes: bool, identity: bool) -> dict[str, list[Any]]:
         installed = self.installed()
-        removed: dict[str, list[Any]] = {
+        return {
             "units": self.units(),
             "processes": self.processes(),
             "mounts": self.mounts(),
@@ -123,9 +119,6 @@ class Remover(K3sHost):
             "firewalls": self.firewalls(),
             "paths": self.paths(volumes, identity, installed),
         }
-        if removed["units"] and not self.dry:
-            self.must("systemctl", "daemon-reload")
-        return removed
 
     def units(self) -> list[str]:
         """Stop and delete the units: nothing may start a pod again."""
@@ -133,6 +126,8 @@ class Remover(K3sHost):
         for unit in found if not self.dry else []:
             self.must("systemctl", "disable", "--now", f"{unit}.service")
             self.path(f"{UNIT_DIRECTORY}/{unit}.service").unlink()
+        if found and not self.dry:
+            self.must("systemctl", "daemon-reload")
         return found
 
     def installed(self) -> bool:
@@ -175,10 +170,8 @@ class Remover(K3sHost):
 
     def send(self, processes: Iterable[int], number: int) -> None:
         for pid in processes:
-            try:
+            with contextlib.suppress(ProcessLookupError):
                 self.kill(pid, number)
-            except ProcessLookupError:
-                continue
 
     def mounts(self) -> list[str]:
         found = own_mounts(self.path("/proc/self/mounts").read_text(encoding="utf-8"))
@@ -191,9 +184,9 @@ class Remover(K3sHost):
 
     def interfaces(self) -> list[str]:
         links = []
-        for entry in sorted(self.path("/sys/class/net").iterdir()):
-            master = entry / "master"
-            links.append((entry.name, os.readlink(str(master)).rpartition("/")[2] if master.exists() else ""))
+        for name in self.names("/sys/class/net"):
+            master = self.path(f"/sys/class/net/{name}/master")
+            links.append((name, os.readlink(str(master)).rpartition("/")[2] if master.exists() else ""))
         found = own_interfaces(links)
         for name in found if not self.dry else []:
             code, out, err = self.run(["ip", "link", "delete", name])
@@ -255,8 +248,9 @@ class Remover(K3sHost):
         if path.is_symlink() or not path.is_dir():
             path.unlink()
             return
-        mounted = mounts_below(self.path("/proc/self/mounts").read_text(encoding="utf-8"), name)
-        below = [point for point in mounted if point not in OPERATORS_MOUNTS]
+        # what is still mounted below, deleting would reach through, into data that is elsewhere
+        points = _points(self.path("/proc/self/mounts").read_text(encoding="utf-8"))
+        below = [point for point in points if point.startswith(f"{name}/") and point not in OPERATORS_MOUNTS]
         if below:
             raise FleetError(f"{', '.join(below)} is still mounted below {name}")
         if self.kept_by_operator(name):

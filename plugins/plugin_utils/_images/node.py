@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bring images to one node: look, plan, copy, import, pull, verify. A node that has everything costs one command.
+"""The images of one node. A node that has everything costs one command.
 
-The host is handed in, so this knows neither SSH nor Ansible.
+Brought is what it lacks: look, plan, copy, import, pull, verify. The host is handed in, so this knows neither SSH nor
+Ansible.
+
+Kept is what the kubelet may not delete when the disk fills. It deletes what no container uses, the longest unused
+first: what was brought for the next step, and what that step would go back to. So what is wanted is pinned, and of each
+repository what was wanted or ran before it. What is older is let go, once no container uses it.
 """
 
 from __future__ import annotations
 
 import base64
+import json
 import re
 import tempfile
 import zlib
@@ -20,7 +26,6 @@ from ...module_utils._common.errors import FleetError, SpecError
 from ...module_utils._host.k3s import BINARY
 from .._model.machines import architecture_of
 from .archive import Image, archive_images, local_path, normal_ref, thin_archive
-from .look import LABEL, LOOK, Present, pins, present
 
 # On the disk that holds the images anyway.
 DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
@@ -28,6 +33,19 @@ NOT_FOUND = 127  # the shell's exit status for a command that is not there
 HUB = ("docker.io", "index.docker.io", "registry-1.docker.io")  # its names
 # crictl takes them from its environment, too
 PULL_AS = 'IFS= read -r CRICTL_AUTH && export CRICTL_AUTH && exec "$0" crictl pull "$1"'
+
+PIN = "rosops.fleet/pinned"  # whose value says why this collection keeps an image; k3s has a label of its own, too
+WANTED, BEFORE, LET_GO = "wanted", "before", ""
+CTR = f"{BINARY} ctr --namespace k8s.io"
+_LOOKS = ("uname -m", f"{BINARY} crictl images -o json", f"{CTR} images ls", f"{CTR} content ls -q",
+          f"{BINARY} crictl ps -a -o json")  # fmt: skip
+_BREAK = "--- rosops.fleet ---"
+LOOK = f" && echo '{_BREAK}' && ".join(_LOOKS)
+# The second label is the one that containerd's CRI tells the kubelet of. An empty value takes a label away.
+LABEL = (
+    'while [ $# -gt 0 ]; do "$0" ctr --namespace k8s.io images label "$2" "io.cri-containerd.pinned=${1:+pinned}" '
+    f'"{PIN}=$1" >/dev/null || exit; shift 2; done'
+)
 
 
 class ImagesError(FleetError):
@@ -45,12 +63,27 @@ class NodeHost(Protocol):
 
 
 @dataclass(frozen=True)
+class Present:
+    """A node's machine (as `uname -m` says it), and its images: full name to ID, names by digest included.
+
+    `pins` are names with the reason for which they are kept, `blobs` the digests of all content, `used` the IDs of the
+    images of containers that are there, ended ones too.
+    """
+
+    machine: str
+    images: Mapping[str, str]
+    pins: Mapping[str, str] = field(default_factory=dict)
+    blobs: frozenset[str] = frozenset()
+    used: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
 class Brought:
     """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
 
     `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
     would pull has an empty ID in `after`. `present` are all that the node has now, `pins` those whose pin is
-    another one now (`look.pins`).
+    another one now (`pins`).
     """
 
     imported: tuple[str, ...] = ()
@@ -118,21 +151,17 @@ class NodeImages:
     def _change(
         self, wanted: Mapping[str, str], lacking: Mapping[str, Sequence[Image]], pull: Iterable[str], there: Present
     ) -> Present:
-        """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
-        needed = {path: self._import(path, images, there) for path, images in lacking.items()}
+        """What the node has afterwards."""
+        for path, images in lacking.items():
+            self._import(path, images, there)
         archived = ", ".join(sorted(ref for ref, digest in wanted.items() if digest))
         for name in pull:
             more = f"; no archive in images_archives has it, only {archived}" if archived else ""
             _require(self._pull(name), f"{BINARY} crictl pull {name}", more)
-        after = self.present()
-        again = [path for path, digests in needed.items() if not digests <= after.blobs]
-        for path in again:
-            self.say(f"the node has not kept all that it had of {path}")
-            self._whole(path)
-        return self.present() if again else after
+        return self.present()
 
-    def _import(self, path: str, images: Sequence[Image], there: Present) -> frozenset[str]:
-        """What of the archive the node has to have afterwards, where only a part of it travelled."""
+    def _import(self, path: str, images: Sequence[Image], there: Present) -> None:
+        """The part that the node lacks. Layers that it had may have gone meanwhile: then all of the archive travels."""
         with tempfile.TemporaryDirectory() as directory:
             file, needed = Path(directory, "thin.tar"), None
             try:
@@ -140,11 +169,9 @@ class NodeImages:
             except (OSError, SpecError) as error:  # no room for it here, or not as it was a moment ago
                 self.say(f"no part of {path} is left out: {error}")
             if needed is not None and not self._load(path, file).get("failed"):
-                return needed
-        self._whole(path)
-        return frozenset()
-
-    def _whole(self, path: str) -> None:
+                if needed <= self.present().blobs:
+                    return
+                self.say(f"the node has not kept all that it had of {path}")
         _require(self._load(path, Path(path)), f"{path} could not be imported")
 
     def _load(self, path: str, file: Path) -> Result:
@@ -258,3 +285,65 @@ def _place(address: str) -> str:
     host, slash, path = re.sub(r"^https?://", "", address).rstrip("/").partition("/")
     path = re.sub(r"^v[12]$", "", path)
     return f"{HUB[0] if host in HUB else host}{slash if path else ''}{path}"
+
+
+# --- what is there ----------------------------------------------------------------------------------------------------
+
+
+def present(printed: str) -> Present:
+    """Out of what LOOK printed. A host without k3s has got no further than its machine."""
+    machine, images, labels, blobs, containers, *_none = [*f"{printed}\n".split(f"{_BREAK}\n"), "", "", "", ""]
+    listed = _json(containers).get("containers") or []
+    used = frozenset(_digest(str(one.get("imageRef") or "")) for one in listed)
+    return Present(machine.strip(), node_images(images), _pins(labels), frozenset(blobs.split()), used)
+
+
+def node_images(listing: str) -> dict[str, str]:
+    """Name to ID of a node's images, out of what `crictl images -o json` prints. Names by digest are in it, too."""
+    return {
+        normal_ref(ref): _digest(image["id"])
+        for image in _json(listing).get("images") or []
+        for ref in [*(image.get("repoTags") or []), *(image.get("repoDigests") or [])]
+    }
+
+
+def _json(printed: str) -> Result:
+    try:
+        return dict(json.loads(printed.strip() or "{}"))
+    except ValueError as error:
+        raise SpecError(f"crictl's list is no JSON: {error}") from error
+
+
+def _digest(image: str) -> str:
+    return image if re.match(r"^\w+:", image) else f"sha256:{image}"
+
+
+def _pins(table: str) -> dict[str, str]:
+    """Of `ctr images ls`: the name is the first column, and labels are the last one, without a blank."""
+    rows = [line.split() for line in table.splitlines()[1:]]
+    labels = {row[0]: dict(item.partition("=")[::2] for item in row[-1].split(",")) for row in rows if row}
+    return {normal_ref(ref): own[PIN] for ref, own in labels.items() if own.get(PIN)}
+
+
+# --- what is kept -----------------------------------------------------------------------------------------------------
+
+
+def pins(wanted: Iterable[str], there: Present, keep: Iterable[str] = ()) -> dict[str, str]:
+    """Names whose pin has to change, and to what. One of `keep` stays pinned, where it is."""
+    names = [*wanted, *(ref for ref in keep if ref in there.pins)]
+    now = {ref: WANTED for ref in names if ref in there.images}
+    ours = {_repository(ref) for ref in now}
+    runs = {ref for ref, image in there.images.items() if image in there.used and "@" not in ref}
+    left = [ref for ref in there.pins if ref in there.images and ref not in now]
+    moved = {_repository(ref) for ref in left if there.pins[ref] == WANTED}
+    for ref in left:
+        older = there.pins[ref] == BEFORE and _repository(ref) in moved
+        now[ref] = LET_GO if older and ref not in runs else BEFORE
+    now.update({ref: BEFORE for ref in runs - now.keys() if _repository(ref) in ours})
+    return {ref: why for ref, why in sorted(now.items()) if there.pins.get(ref, LET_GO) != why}
+
+
+def _repository(ref: str) -> str:
+    name = ref.partition("@")[0]
+    place, slash, last = name.rpartition("/")
+    return f"{place}{slash}{last.partition(':')[0]}"

@@ -16,8 +16,7 @@ from ...module_utils._common.poll import WAIT
 from ...module_utils._host.k3s import BINARY
 from .._model.machines import CGROUP_V2_FROM, MACHINES
 from .._model.machines import version as parsed
-from .source import Artifacts
-from .wanted import HostFile, Wanted
+from .wanted import Artifacts, HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.download import fetch, listed_sum, proxies
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import fetch, listed_sum, proxies
 
 BINARY = b"k3s" * 1000
 SUM = hashlib.sha256(BINARY).hexdigest()

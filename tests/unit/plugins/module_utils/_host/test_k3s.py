@@ -129,18 +129,17 @@ def test_a_member_waits_for_its_node_and_its_vote() -> None:
 
 
 def test_stale_compares_with_what_the_unit_wrote_down(tmp_path: Path) -> None:
-    config = tmp_path / "etc/rancher/k3s/config.yaml"
-    config.parent.mkdir(parents=True)
-    config.write_text("a: 1\n")
     names = ["/etc/rancher/k3s/config.yaml", "/etc/rancher/k3s/registries.yaml"]
-    host = K3sHost(Commands({}), str(tmp_path))
+    stat = Commands(
+        {"stat -c %n %i %s %Y /etc/rancher/k3s/config.yaml": (1, f"{names[0]} 7 5 1700000000\n", "no such")}
+    )
+    host = K3sHost(stat, str(tmp_path))
     assert host.stale("k3s", names)  # nothing written down: nothing is known
-    stat = config.stat()
     record = tmp_path / "run/rosops-fleet-k3s.started"
     record.parent.mkdir()
-    record.write_text(f"{names[0]} {stat.st_ino} {stat.st_size} {int(stat.st_mtime)}\n")
+    record.write_text(f"{names[0]} 7 5 1700000000\n")
     assert not host.stale("k3s", names)
-    (tmp_path / names[1].lstrip("/")).write_text("mirrors: {}\n")
+    record.write_text(f"{names[0]} 8 5 1700000000\n")
     assert host.stale("k3s", names)
 
 
@@ -151,10 +150,9 @@ def test_files_are_described_and_missing_ones_too(tmp_path: Path) -> None:
     assert host.describe("/x") == {
         "exists": True,
         "sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
-        "size": 3,
         "mode": "0600",
     }
-    assert host.describe("/y") == {"exists": False, "sha256": "", "size": 0, "mode": ""}
+    assert host.describe("/y") == {"exists": False, "sha256": "", "mode": ""}
     assert host.sizes("/nowhere") == {}
     assert host.version() == ""
 

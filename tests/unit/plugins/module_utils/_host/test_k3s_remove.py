@@ -126,7 +126,7 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
     assert removed["interfaces"] == ["cni0"]
     assert removed["firewalls"] == ["iptables", "ip6tables"]
     assert ["systemctl", "disable", "--now", "k3s.service"] in commands.asked
-    assert commands.asked[-1] == ["systemctl", "daemon-reload"]
+    assert ["systemctl", "daemon-reload"] in commands.asked
     left = sorted(str(path.relative_to(host)) for path in host.rglob("*") if path.is_file())
     assert left == [
         "etc/rancher/node/password", "proc/self/mounts", "sys/class/net/cni0/mtu", "usr/local/bin/kubectl", *PODMANS,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
     LABEL,
     LOOK,
     Present,

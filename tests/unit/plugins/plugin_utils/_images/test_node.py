@@ -14,15 +14,18 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref, opened
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import LABEL, PIN, Present, node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
     DIRECTORY,
+    LABEL,
+    PIN,
     Brought,
     ImagesError,
     NodeImages,
+    Present,
     auths,
     images_plan,
     images_problems,
+    node_images,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ID,

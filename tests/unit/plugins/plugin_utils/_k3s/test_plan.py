@@ -17,8 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import (
     refusals,
     restarts_pods,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, Wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Artifacts, HostFile, Wanted
 
 CONFIG = HostFile("/etc/rancher/k3s/config.yaml", "a: 1\n", "0600", secret=False)
 DIGEST = hashlib.sha256(b"a: 1\n").hexdigest()

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts, source, tokens_to_keep
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Artifacts, source, tokens_to_keep
 
 SUM = "b" * 64
 MANIFEST = f"""{SUM}  k3s
