@@ -93,9 +93,12 @@ def archive_images(path: str, machine: str = "x86_64") -> list[Image]:
 
 
 def unusable(path: str) -> str:
-    """Why an archive cannot be brought to any node, by how it is compressed; nothing where it can."""
-    with Path(path).open("rb") as file:
-        found = _packing(file)
+    """Why no node can take the archive, by how it is compressed; nothing where it can, or where that is not seen."""
+    try:
+        with Path(local_path(path)).open("rb") as file:
+            found = _packing(file)
+    except _UNSEEN:
+        return ""
     return f"{path} is compressed by {found}: unpack it, or compress it by gzip" if found not in ("", "gzip") else ""
 
 
@@ -209,43 +212,32 @@ def _blob(digest: str) -> str:
     return f"blobs/{digest.replace(':', '/')}"
 
 
-class Archives:
-    """Several archives, each of which is read once.
+def archived_ids(paths: Sequence[str], ref: str) -> frozenset[str]:
+    """The IDs that the image of this name has in the last of these archives that holds it, one per architecture."""
+    name = normal_ref(ref)
+    return next((held[name] for path in reversed(paths) if name in (held := _read(path) or {})), frozenset())
 
-    What cannot be read, or only in a long time, shows nothing: whoever is to bring it to a node says what is wrong.
+
+def archived_instead(archives: Sequence[Variables], ref: str) -> list[str]:
+    """The images that archives (`{path, images}`) hold where none of them has this one.
+
+    Nothing where one has it, or cannot be looked into: whoever is to bring that to a node says what is wrong.
     """
-
-    def __init__(self) -> None:
-        self._read = functools.cache(_read)
-
-    def ids(self, paths: Sequence[str], ref: str) -> frozenset[str]:
-        """The IDs that the image of this name has in the last of these archives that holds it, one per architecture."""
-        name = normal_ref(ref)
-        return next((held[name] for path in reversed(paths) if name in (held := self._read(path) or {})), frozenset())
-
-    def unusable(self, path: str) -> str:
-        """Why no node can take the archive, as far as that is seen."""
-        try:
-            return unusable(local_path(path))
-        except _UNSEEN:
-            return ""
-
-    def instead(self, archives: Sequence[Variables], ref: str) -> list[str]:
-        """The images that archives (`{path, images}`) hold where none of them has this one.
-
-        Nothing where one has it, or cannot be looked into.
-        """
-        held: set[str] = set()
-        for archive in archives:
-            images = self._read(archive["path"])
-            if images is None:
-                return []
-            held |= {*map(normal_ref, archive.get("images") or images)}
-        return [] if normal_ref(ref) in held else sorted(held)
+    held: set[str] = set()
+    for archive in archives:
+        images = _read(archive["path"])
+        if images is None:
+            return []
+        held |= {*map(normal_ref, archive.get("images") or images)}
+    return [] if normal_ref(ref) in held else sorted(held)
 
 
+@functools.cache  # for a task, which has a process of its own
 def _read(path: str) -> dict[str, frozenset[str]] | None:
-    """The full names of its images, with their IDs, one per architecture; None where they are not seen."""
+    """The full names of its images, with their IDs, one per architecture; None where they are not seen.
+
+    Nor is what cannot be read, or only in a long time.
+    """
     try:
         place = Path(local_path(path))
         with place.open("rb") as file:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the host is asked to do, where its files are written; the kubeconfig goes with its cluster, and only with that."""
+"""What the host is asked to do, where files are written; the kubeconfig goes with its cluster, and only with that."""
 
 from __future__ import annotations
 
