@@ -50,9 +50,9 @@ def system(host: Host) -> Facts:
     for line in host.read("/etc/os-release").splitlines():
         key, _sign, value = line.partition("=")
         release[key] = value.strip().strip("\"'")
-    name, keys = os.uname(), {"id": "ID", "version": "VERSION_ID", "name": "PRETTY_NAME"}
+    name = os.uname()
     return {
-        "os": {ours: release.get(theirs, "") for ours, theirs in keys.items()},
+        "os": {"id": release.get("ID", ""), "name": release.get("PRETTY_NAME", "")},
         "machine": name.machine,
         "hostname": name.nodename,
         "machine_id": host.read("/etc/machine-id").strip(),

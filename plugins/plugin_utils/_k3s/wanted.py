@@ -85,8 +85,6 @@ class HostFile:
 class Wanted:
     """One host's part in its cluster."""
 
-    role: str
-    service: str
     init: bool  # it starts the cluster; the others join it
     url: str  # where members join, and what goes into the kubeconfig
     files: tuple[HostFile, ...]
@@ -120,7 +118,6 @@ def wanted(
     SpecError where a server is no host.
     """
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
-    service = SERVICES[role]
     init = role == "server" and servers[:1] == [host]
     url = joins or server_url(variables, servers[0], hostvars)
     # A server that stays alone has SQLite: etcd syncs each write, which wears SD cards out. k3s takes what is in SQLite
@@ -129,7 +126,7 @@ def wanted(
     if init:
         joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
-    unit = f"{UNIT_DIRECTORY}/{service}.service"
+    unit = f"{UNIT_DIRECTORY}/{SERVICES[role]}.service"
     config_file, registries, environment = (
         f"{CONFIG_DIR}/{name}" for name in ("config.yaml", "registries.yaml", "environment")
     )
@@ -139,13 +136,13 @@ def wanted(
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
     files = (
         HostFile(config_file, _yaml(config), "0600", secret),
-        HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
+        HostFile(unit, unit_text(role, started_with, variables), "0644", False),
         HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
         HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
     )
     path = variables["k3s_kubeconfig_path"]
     kubeconfig = str(Path(path).expanduser()) if init and path else ""
-    return Wanted(role, service, init, url, files, tokens, started_with, kubeconfig)
+    return Wanted(init, url, files, tokens, started_with, kubeconfig)
 
 
 def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:
@@ -169,7 +166,7 @@ def _yaml(value: Mapping[str, object]) -> str:
     return HEADER + yaml.safe_dump(value, allow_unicode=True, default_flow_style=False) if value else ""
 
 
-def unit_text(role: str, service: str, started_with: Sequence[str], variables: Variables) -> str:
+def unit_text(role: str, started_with: Sequence[str], variables: Variables) -> str:
     """The unit; `started_with` are the files whose state it records when it starts."""
     weight = WEIGHTS[role] if variables["k3s_cpu_weight"] == "auto" else variables["k3s_cpu_weight"]
     limits = {
@@ -183,7 +180,7 @@ def unit_text(role: str, service: str, started_with: Sequence[str], variables: V
         "TasksMax": "infinity",
     }
     lines = "\n".join(f"{name}={value}" for name, value in limits.items() if value != "")
-    read, record = " ".join(started_with), STARTED_WITH.format(service=service)
+    read, record = " ".join(started_with), STARTED_WITH.format(service=SERVICES[role])
     return HEADER + UNIT.format(
         role=role, state=STATE.replace("%", "%%"), started_with=read, record=record, binary=BINARY, limits=lines
     )

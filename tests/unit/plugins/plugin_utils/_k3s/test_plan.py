@@ -37,7 +37,7 @@ NOW: dict[str, Any] = {
     "tokens": {"server": "same", "agent": "same"},
 }
 TOKENS, KUBECONFIG = ("token", "agent-token"), "/home/me/edge.yaml"
-WANTED = Wanted("server", "k3s", True, "https://edge1:6443", (CONFIG,), TOKENS, (), KUBECONFIG)
+WANTED = Wanted(True, "https://edge1:6443", (CONFIG,), TOKENS, (), KUBECONFIG)
 SOURCE = Artifacts(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
 NO_ARCHIVE = Artifacts(sha256="binary")
 
