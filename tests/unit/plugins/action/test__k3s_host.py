@@ -149,6 +149,7 @@ def files(staged: str, check_mode: bool = False, joins: str = "", **more: Any) -
 def test_in_place(written: list[tuple[str, bool]]) -> None:
     assert files("")["changed"]
     assert written == [(CONFIG, False), (UNIT, False), (REGISTRIES, False)]
+    assert files("", write=[CONFIG, REGISTRIES])["diff"] == [{"before": "", "after": CONFIG}]  # the other has passwords
 
 
 def test_tokens_come_in_place_and_what_they_are_not_shown(written: list[tuple[str, bool]]) -> None:

@@ -143,6 +143,7 @@ def test_a_firewall_without_our_rules_is_not_written(host: Path) -> None:
 
 def test_removal_of_everything(host: Path) -> None:
     subject, _commands = remover(host)
+    (host / "proc/self/mounts").write_text("/dev/sdc1 /var/lib/rancher/k3s/storage ext4 rw 0 0\n")  # the operator's
     subject.everything(volumes=True, identity=True)
     assert not (host / "var/lib/rancher/k3s").exists()
     assert not (host / "etc/rancher/node").exists()

@@ -265,13 +265,14 @@ def test_what_a_node_does_not_import_in_parts_is_brought_whole(tmp_path: Path) -
     (first, second), node = versions(tmp_path), Node()
     images = NodeImages(node)
     images.bring(first, [])
-    step, node.calls = node._step, []
+    command, node.calls = node.command, []
 
-    def broken_once(what: str) -> dict[str, Any]:
-        found = step(what)
-        return {"failed": True} if "import" in what and sum("import" in call for call in node.calls) == 1 else found
+    def broken_once(argv: list[str], stdin: str = "") -> dict[str, Any]:
+        """Something of it is there then."""
+        found = command(argv, stdin)
+        return {"failed": True} if argv[-2] == "import" and "thin" in "".join(node.calls[-2:]) else found
 
-    node._step = broken_once  # type: ignore[method-assign]
+    node.command = broken_once  # type: ignore[method-assign]
     assert images.bring(second, []).problems == ()
     assert [call for call in node.calls if call.startswith("copy")] == ["copy thin.tar", "copy apps-2.tar"]
 
@@ -298,7 +299,7 @@ def credentials(word: str = "hunter2") -> dict[str, str]:
 
 
 def test_credentials_reach_crictl_and_no_command_line(private: Node) -> None:
-    logins = [credentials("stale"), credentials()]
+    logins = [credentials("stale"), credentials(), credentials("older")]
     brought = NodeImages(private, logins=logins).bring([], ["r.example/app:1", "redis:7"])
     assert set(brought.pulled) == {"r.example/app:1", REDIS}
     said = " ".join(private.calls) + Path(f"{private.program}.seen").read_text()
