@@ -145,7 +145,11 @@ class NodeImages:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             _require(self._command("/bin/sh", "-c", LABEL, BINARY, *pairs), f"images not pinned: {' '.join(pairs)}")
         before, now = ({ref: one.images[ref] for ref in wanted if ref in one.images} for one in (there, after))
-        problems = tuple(images_problems(wanted, after.images))
+        problems = tuple(
+            f"{ref} has the ID {after.images[ref]}, not {digest}" if ref in after.images else f"{ref} is not there"
+            for ref, digest in sorted(wanted.items())
+            if ref not in after.images or (digest and after.images[ref] != digest)
+        )
         return Brought(tuple(lacking), tuple(pull), problems, before, now, after.images, changes)
 
     def _change(
@@ -254,15 +258,6 @@ def _chosen(archive: Arguments, images: list[Image]) -> list[Image]:
         held = ", ".join(image.ref for image in images)
         raise SpecError(f"{archive['path']} does not hold {', '.join(missing)}, only {held}")
     return [image for image in images if image.ref in names] if names else images
-
-
-def images_problems(wanted: Mapping[str, str], present: Mapping[str, str]) -> list[str]:
-    """What is still wrong on the node once all was brought, a line each; both are name to ID."""
-    return [
-        f"{ref} is not there" if ref not in present else f"{ref} has the ID {present[ref]}, not {digest}"
-        for ref, digest in sorted(wanted.items())
-        if ref not in present or (digest and present[ref] != digest)
-    ]
 
 
 def auths(image: str, logins: Iterable[Variables]) -> list[str]:
