@@ -15,7 +15,6 @@ import base64
 import json
 import re
 import tempfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,8 +26,8 @@ from ...module_utils._host.k3s import BINARY
 from .._model.machines import architecture_of
 from .archive import Image, archive_images, local_path, normal_ref, thin_archive
 
-# On the disk that holds the images anyway.
-DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
+# What is just brought, on the disk that holds the images anyway: one archive at a time, which the next run resumes.
+PLACE = "/var/lib/rancher/rosops-fleet-images.tar"
 NOT_FOUND = 127  # the shell's exit status for a command that is not there
 HUB = ("docker.io", "index.docker.io", "registry-1.docker.io")  # its names
 # crictl takes them from its environment, too
@@ -59,7 +58,7 @@ class NodeHost(Protocol):
         """Run a module on the host, whatever the check mode; nobody logs the arguments of a `secret` one."""
 
     def copy(self, src: str, dest: str, rate_limit: str) -> Result:
-        """Copy a file from the control node; `rate_limit` is rsync's --bwlimit, empty for none."""
+        """Copy a file from the control node, mode 0600; `rate_limit` is rsync's --bwlimit, empty for none."""
 
 
 @dataclass(frozen=True)
@@ -180,15 +179,14 @@ class NodeImages:
 
     def _load(self, path: str, file: Path) -> Result:
         """Copy and import a file. Never more than one lies on the node beside the images that come out of it."""
-        place, sizes = self._place(path), [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
-        self._file(DIRECTORY, state="directory", mode="0700")
+        sizes = [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
         self.say(f"copying {' of '.join(dict.fromkeys(sizes))}: {path}")
-        _require(self.host.copy(str(file), place, self.rate_limit), f"{path} could not be copied")
+        _require(self.host.copy(str(file), PLACE, self.rate_limit), f"{path} could not be copied")
         self.say(f"importing {path}")
         try:
-            return self._command(BINARY, "ctr", "--namespace", "k8s.io", "images", "import", place)
+            return self._command(BINARY, "ctr", "--namespace", "k8s.io", "images", "import", PLACE)
         finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
-            self._file(place, state="absent")
+            _require(self.host.module("ansible.builtin.file", {"path": PLACE, "state": "absent"}), PLACE)
 
     def _pull(self, name: str) -> Result:
         """With each of the credentials, until one will do. They go by standard input: command lines are seen by all."""
@@ -200,13 +198,6 @@ class NodeImages:
             if not result.get("failed"):
                 break
         return result
-
-    def _place(self, path: str) -> str:
-        """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
-        return f"{DIRECTORY}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
-
-    def _file(self, path: str, **wanted: str) -> None:
-        _require(self.host.module("ansible.builtin.file", {"path": path, **wanted}), path)
 
     def _command(self, *argv: str, stdin: str = "") -> Result:
         """Run it; what it gets on its standard input is a secret."""

@@ -16,10 +16,10 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref, opened
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
-    DIRECTORY,
     LABEL,
     LOOK,
     PIN,
+    PLACE,
     Brought,
     ImagesError,
     NodeImages,
@@ -73,10 +73,9 @@ class Node:
         self.calls.append("look" if "uname" in what else what)
         return {"failed": True, "rc": 1, "stderr": "no space"} if self.broken and self.broken in what else {}
 
-    def file(self, path: str, state: str, mode: str = "") -> dict[str, Any]:
-        if state == "absent":
-            self.files = {name: src for name, src in self.files.items() if not name.startswith(path)}
-        return {"mode": mode}
+    def file(self, path: str, state: str) -> dict[str, Any]:
+        self.files.pop(path, None)
+        return {"state": state}
 
     def command(self, argv: list[str], stdin: str = "") -> dict[str, Any]:
         if stdin:
@@ -118,10 +117,6 @@ def tarred(path: str) -> tuple[list[Image], set[str]]:
         return found.images(), {f"sha256:{digest(file.read())}" for file in files}
 
 
-def place(archive: Mapping[str, str]) -> str:
-    return NodeImages(Node())._place(archive["path"])
-
-
 @pytest.fixture(name="archive")
 def _archive(tmp_path: Path) -> dict[str, str]:
     return {"path": docker(tmp_path / "apps.tar", ["lab/apps:1.0"])}
@@ -137,8 +132,7 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     )
     assert brought.changed
     assert node.calls == [
-        "look", f"directory {DIRECTORY}", "copy apps.tar 2m",
-        f"ctr --namespace k8s.io images import {place(archive)}", f"absent {place(archive)}",
+        "look", "copy apps.tar 2m", f"ctr --namespace k8s.io images import {PLACE}", f"absent {PLACE}",
         "crictl pull docker.io/library/redis:7", "look", f"pin wanted {APPS} wanted {REDIS}",
     ]  # fmt: skip
     assert node.files == {}
@@ -178,7 +172,7 @@ def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(arc
         ("import", r"apps.tar could not be imported: no space"),
         ("pin", r"wanted docker.io/lab/apps:1.0 wanted docker.io/library/redis:7: no space"),
         ("pull", r"crictl pull docker.io/library/redis:7: no space"),
-        ("directory", f"{DIRECTORY}: no space"),
+        ("absent", f"{PLACE}: no space"),
     ],
 )
 def test_a_step_that_fails_is_named_with_its_reason(archive: dict[str, str], broken: str, message: str) -> None:
@@ -201,7 +195,7 @@ def test_an_interrupted_transfer_is_kept_for_the_next_and_nothing_else(
     node = Node(broken)
     with pytest.raises(ImagesError):
         NodeImages(node, rate_limit="2m").bring([archive], [])
-    assert list(node.files) == ([place(archive)] if kept else [])
+    assert list(node.files) == ([PLACE] if kept else [])
 
 
 def test_one_archive_at_a_time_lies_on_the_node_also_two_of_one_name(
@@ -214,10 +208,9 @@ def test_one_archive_at_a_time_lies_on_the_node_also_two_of_one_name(
     node = Node()
     assert NodeImages(node).bring([{"path": f"~/{name}/apps.tar"} for name in ("old", "new")], []).problems == ()
     assert {"docker.io/lab/old:1.0", "docker.io/lab/new:1.0"} == {*node.images}
-    assert [call.split()[0] for call in node.calls if not call.startswith("directory")] == [
+    assert [call.split()[0] for call in node.calls] == [
         "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look", "pin",
     ]  # fmt: skip
-    assert len({call for call in node.calls if call.startswith("absent")}) == 2
 
 
 def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> None:
