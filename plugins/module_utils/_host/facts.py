@@ -34,6 +34,7 @@ V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 KUBELET_CONFIG = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
 CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
+OS_RELEASE = re.compile(r"^(\w+)=[\"']?(.*?)[\"']?\s*$", re.MULTILINE)
 TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
@@ -46,10 +47,7 @@ SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.M
 
 
 def system(host: Host) -> Facts:
-    release = {}
-    for line in host.read("/etc/os-release").splitlines():
-        key, _sign, value = line.partition("=")
-        release[key] = value.strip().strip("\"'")
+    release = dict(OS_RELEASE.findall(host.read("/etc/os-release")))
     name = os.uname()
     return {
         "os": {"id": release.get("ID", ""), "name": release.get("PRETTY_NAME", "")},
@@ -96,10 +94,7 @@ def disk(host: Host, directory: str) -> Facts:
     place = Path(directory)
     while not host.exists(str(place)) and place != place.parent:
         place = place.parent
-    try:
-        numbers = os.statvfs(str(host.path(str(place))))
-    except OSError:
-        return {"path": directory, "total_mb": 0, "free_mb": 0, "free_inodes": None, "type": ""}
+    numbers = os.statvfs(str(host.path(str(place))))
     block = numbers.f_frsize / 1048576
     return {
         "path": directory,

@@ -165,11 +165,12 @@ class K3sHost(Host):
         super().__init__(root)
         self.run = run
 
-    def must(self, *command: str, data: str | None = None) -> str:
-        """What a command printed; FleetError where it failed."""
+    def must(self, *command: str, data: str | None = None, otherwise: str = "") -> str:
+        """What a command printed. FleetError where it failed: how its words end, and what is the case `otherwise`."""
         code, out, err = self.run(list(command), data=data)
         if code != 0:
-            raise FleetError(f"{' '.join(command)}: {(err or out).strip()}")
+            told = without_secrets((err or out).strip())[-LONGEST_LINE:]
+            raise FleetError("; ".join(filter(None, [f"{' '.join(command)}: {told}", otherwise])))
         return str(out)
 
     def describe(self, name: str) -> dict[str, object]:

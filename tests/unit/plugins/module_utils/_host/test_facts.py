@@ -140,9 +140,12 @@ def test_leftovers_of_a_member(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_the_board_ends_with_no_zero_byte(tmp_path: Path) -> None:
-    host = tree(tmp_path, {"/proc/device-tree/model": "Raspberry Pi 4 Model B Rev 1.4\0"})
-    assert _host_facts.system(host)["board"] == "Raspberry Pi 4 Model B Rev 1.4"
+def test_what_the_system_says_of_itself(tmp_path: Path) -> None:
+    told = "NAME=Other\nPRETTY_NAME=\"Debian GNU/Linux 12 (bookworm)\"\nID=debian\nVERSION_ID='12'\n"
+    model = "Raspberry Pi 4 Model B Rev 1.4\0"  # which ends with a zero byte
+    found = _host_facts.system(tree(tmp_path, {"/etc/os-release": told, "/proc/device-tree/model": model}))
+    assert found["os"] == {"id": "debian", "name": "Debian GNU/Linux 12 (bookworm)"}
+    assert found["board"] == "Raspberry Pi 4 Model B Rev 1.4"
 
 
 def test_ports_are_open_or_refuse() -> None:
