@@ -51,6 +51,7 @@ def system(host: Host) -> Facts:
     name = os.uname()
     return {
         "os": {"id": release.get("ID", ""), "name": release.get("PRETTY_NAME", "")},
+        "kernel": name.release,
         "machine": name.machine,
         "hostname": name.nodename,
         "machine_id": host.read("/etc/machine-id").strip(),

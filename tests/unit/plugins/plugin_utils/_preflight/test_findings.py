@@ -28,6 +28,7 @@ REQUIREMENTS = Requirements(
 
 X86: dict[str, Any] = {
     "os": {"id": "debian", "name": "Debian GNU/Linux 12 (bookworm)"},
+    "kernel": "6.1.0-37-amd64",
     "machine": "x86_64",
     "hostname": "robot1",
     "machine_id": "6c0f0a3e4d5b4f0d8f5f7d1f0a1b2c3d",
