@@ -330,6 +330,5 @@ def pins(wanted: Iterable[str], there: Present, keep: Iterable[str] = ()) -> dic
 
 
 def _repository(ref: str) -> str:
-    name = ref.partition("@")[0]
-    place, slash, last = name.rpartition("/")
-    return f"{place}{slash}{last.partition(':')[0]}"
+    """A name without tag and digest."""
+    return re.sub(r"(:[^/:@]*)?(@.*)?$", "", ref, count=1)

@@ -454,6 +454,12 @@ def test_what_is_wanted_and_what_was_before_it(wanted: list[str], there: Present
     assert pins(wanted, replace(there, pins=left)) == {}  # a second run changes nothing
 
 
+@pytest.mark.parametrize(("new", "same"), [("edge1:5000/a@sha256:2", True), ("edge1:5000/b:1", False)])
+def test_what_runs_is_kept_where_it_is_of_the_same_repository(new: str, same: bool) -> None:
+    there = Present("x86_64", {"edge1:5000/a:1": "sha256:1", new: "sha256:2"}, used=frozenset({"sha256:1"}))
+    assert pins([new], there) == {new: "wanted", **({"edge1:5000/a:1": "before"} if same else {})}
+
+
 @pytest.mark.parametrize("broken", [False, True])
 def test_the_shell_labels_all_of_them_and_says_when_one_cannot_be(tmp_path: Path, broken: bool) -> None:
     k3s = tmp_path / "k3s"
