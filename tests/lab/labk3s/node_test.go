@@ -44,6 +44,9 @@ func TestDatastore(t *testing.T) {
 	if err := os.MkdirAll(wal, 0o700); err != nil {
 		t.Fatal(err)
 	}
+	if err := alone.takeOver(); err != nil || !exists(wal) {
+		t.Errorf("without cluster-init the data was taken over: %v", err)
+	}
 	several := &config{dataDir: alone.dataDir, ClusterInit: true}
 	for range 2 { // a second start has nothing to take over
 		if err := several.takeOver(); err != nil {
