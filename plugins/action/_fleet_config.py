@@ -8,7 +8,7 @@ from ansible.utils.vars import load_extra_vars
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._images.archive import Archives
+from ..plugin_utils._images.archive import archived_instead, unusable
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._objects.parts import images
@@ -21,12 +21,11 @@ class ActionModule(FleetAction):
 
     def work(self, _params: Arguments, known: Variables) -> Result:
         groups = {str(name): [str(host) for host in hosts] for name, hosts in known["groups"].items()}
-        archives = Archives()
         try:
             found = check_fleet(groups, HostVariables(known["hostvars"]), load_extra_vars(self._loader))
-            wrong = [*archive_problems(found.hosts, archives.unusable)]
+            wrong = [*archive_problems(found.hosts, unusable)]
             fleet = None if wrong else found.fleet
-            seen = image_warnings(fleet, found.hosts, archives.instead) if fleet else ()
+            seen = image_warnings(fleet, found.hosts, archived_instead) if fleet else ()
         except FleetError as error:
             error.details.setdefault("valid", False)
             raise

@@ -16,7 +16,7 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.cluster import ClusterAction
 from ..plugin_utils._images.archive import normal_ref
-from ..plugin_utils._images.look import node_images
+from ..plugin_utils._images.node import node_images
 from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known, outdated
 from ..plugin_utils._model.fleet import Fleet, Home

@@ -38,21 +38,20 @@ class K3sExchange:
     def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Variables) -> None:
         self._host, self._plan, self._role = host, plan, variables["k3s_role"]
         self._timeout = variables["k3s_start_timeout"]
-        release = variables["k3s_install_source"] == "release"
-        self.before = self.after = str(plan["version"])
-        self._coming = str(variables["k3s_version"] if release else AIRGAP) if plan["binary"] else ""
-        self.unproven, self.earlier = False, ""
         # SQLite is one server's alone, also of one that others are to join
-        self.cgroup_refused = bool(plan["cgroup_refused"])
         self._start, self._alone, self._switched = "", not (plan["member"] and plan["etcd"]), False
-
-    def look(self) -> None:
-        """What is staged, and whether anybody has proven what is there."""
         found = self._ask("staged")
-        # check mode brings no binary
-        coming = str(found["staged"]) if self._plan["binary"] else ""
-        self.after = coming or self._coming or self.before
-        self.unproven, self.earlier = bool(found["unproven"]), str(found["version"])
+        self.before = self.after = str(plan["version"])
+        if plan["binary"]:  # check mode brings none
+            release = variables["k3s_install_source"] == "release"
+            self.after = str(found["staged"] or (variables["k3s_version"] if release else AIRGAP))
+        self.unproven, self._earlier = bool(found["unproven"]), str(found["version"])
+
+    def refuse(self, servers: Sequence[str] = ()) -> None:
+        """SpecError where that is no step to take; `servers` are the versions of those that it is an agent of."""
+        back_to = self._earlier if self.unproven else ""
+        if refused := refusal(self.before, self.after, servers, back_to, bool(self._plan["cgroup_refused"])):
+            raise SpecError(refused)
 
     def make(self) -> None:
         if self._plan["restart"]:  # else what nobody has proven runs already
@@ -113,12 +112,11 @@ class ActionModule(HostAction):
     def _change(self, params: Arguments, variables: Variables, known: Variables, before: Result) -> RobotOutcome:
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
-        exchange.look()
         node = variables["k3s_node_name"]
         settings = self.settings(variables, variables["k3s_start_timeout"], exchange.name, before)
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
-            _step(exchange, ())
+            exchange.refuse()
             return _told(self.change(exchange, Place(), settings, known))
         with self.cluster(params, known) as kube:
             pods_notice = _permitted(exchange, kube.nodes(), variables)
@@ -142,7 +140,7 @@ def _told(found: StepResult) -> RobotOutcome:
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Variables) -> bool:
     """Whether pods may notice it. SpecError where this step is not to be taken."""
     agent, node = variables["k3s_role"] == "agent", variables["k3s_node_name"]
-    _step(exchange, tuple(server_versions(nodes).values()) if agent else ())
+    exchange.refuse(tuple(server_versions(nodes).values()) if agent else ())
     down = [] if agent else servers_down(nodes, node)
     if down:
         raise SpecError(
@@ -150,10 +148,3 @@ def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables
             f"majority. Bring {', '.join(down)} back first"
         )
     return restarts_pods(exchange.before, exchange.after)
-
-
-def _step(exchange: K3sExchange, servers: Sequence[str]) -> None:
-    """SpecError where that is no step to take."""
-    back_to = exchange.earlier if exchange.unproven else ""
-    if refused := refusal(exchange.before, exchange.after, servers, back_to, exchange.cgroup_refused):
-        raise SpecError(refused)

@@ -1,33 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the role k3s: what it has done on the host beside files and the exchange, and the kubeconfig from there."""
+"""For the role k3s: what it has done on the host beside the exchange, and the kubeconfig from there."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
-from ..module_utils._host.k3s import BINARY, KUBECONFIG
+from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import plain
-from ..plugin_utils._k3s.wanted import Wanted, wanted
+from ..plugin_utils._k3s.wanted import Wanted, tokens_to_keep, wanted
 from ..plugin_utils._kube.kubeconfig import is_foreign, is_of, keep, local_kubeconfig
 
 
 class ActionModule(FleetAction):
-    """`plan` is what _k3s_plan found. `remove` needs none, and without one `ready` waits for no vote in etcd."""
+    """`plan` is what _k3s_plan found. `remove` needs none, and without one `ready` waits for no vote in etcd.
 
+    `registered` names, for the `files`, the variable with what slurp read of the tokens on the first server, where it
+    does not exist.
+    """
+
+    TRANSFERS_FILES = True
     ARGUMENTS: ClassVar = {
-        "do": {"type": "str", "choices": ["download", "ready", "kubeconfig", "remove"], "required": True},
+        "do": {"type": "str", "choices": ["files", "download", "ready", "kubeconfig", "remove"], "required": True},
         "plan": {"type": "dict", "default": {}},
+        "registered": {"type": "str", "default": ""},
     }
 
     def work(self, params: Arguments, known: Variables) -> Result:
         check, plan, variables = bool(self._task.check_mode), plain(params["plan"]), self.variables(known, "k3s")
         host = ActionHost(self, known, check_mode=check)
+        if params["do"] == "files":
+            read = plain(self._templar.template(known.get(params["registered"], {}))).get("results", [])
+            return self._files(plan, tokens_to_keep(plan["tokens"], read, variables), variables, known)
         if params["do"] == "download":  # through the proxies that k3s itself goes through; a password in one is on no
             source = {name: plan["source"][name] for name in ("url", "sha256", "sums")}  # command line so
             asked = {**source, "dest": BINARY + plan["staged"]}
@@ -44,6 +54,31 @@ class ActionModule(FleetAction):
         if found.get("failed") or set(variables["k3s_server_hosts"]) - set(known["ansible_play_hosts_all"]):
             return found
         return {**found, **_forgotten(part, variables["k3s_cluster"], bool(found["changed"]), check)}
+
+    def _files(self, plan: Arguments, tokens: Mapping[str, str], variables: Variables, known: Variables) -> Result:
+        """Write the tokens, and write and delete the files that the plan names. What may hold passwords has no diff.
+
+        What is `staged` (an ending) lies beside its place until somebody exchanges it; its place is looked at only, for
+        the diff, and nothing is deleted.
+        """
+        check, staged = bool(self._task.check_mode), plan["staged"]
+        host = ActionHost(self, known, check_mode=check)
+        place = ActionHost(self, known, check_mode=check or bool(staged))
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"], plan["joins"], plan["etcd"]).files
+        result = {"changed": False, "diff": [], "written": plan["write"], "removed": plan["remove"]}
+        done = [host.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False) for name, text in tokens.items()]
+        for file in (file for file in files if file.path in plan["write"]):
+            done.append(place.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret))
+            if staged and not check:
+                done.append(host.write(file.path + staged, file.content, file.mode, diff=False))
+        done += [place.module("ansible.builtin.file", {"path": path, "state": "absent"}) for path in plan["remove"]]
+        for one in done:
+            if one.get("failed"):
+                return {**result, "failed": True, "msg": one.get("msg", "a file could not be written")}
+            diffs = one.get("diff") or []
+            result["diff"] += diffs if isinstance(diffs, list) else [diffs]
+            result["changed"] |= bool(one.get("changed"))
+        return result
 
 
 def _fetched(host: ActionHost, part: Wanted, cluster: str, there: bool, check: bool) -> Result:

@@ -12,13 +12,13 @@ from dataclasses import asdict
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import SpecError
 from ..module_utils._common.poll import PASS
+from ..module_utils._host.k3s import SERVICES
 from ..module_utils._host.k3s_change import NEXT
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
-from ..plugin_utils._k3s.source import source
-from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
+from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, source, wanted
 from ..plugin_utils._kube.kubeconfig import is_foreign, is_made_from, kubeconfig_head
 from ..plugin_utils._model.topology import address
 
@@ -29,7 +29,7 @@ class ActionModule(FleetAction):
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
         servers = [] if part.init else _addresses(variables, known["hostvars"])
-        asked = {"role": part.role, "files": list(part.started_with), "servers": servers}
+        asked = {"role": variables["k3s_role"], "files": list(part.started_with), "servers": servers}
         tokens = {"token": variables["k3s_token"], "agent_token": variables["k3s_agent_token"]}
         now = host.job("k3s_facts", asked, tokens)
         if now.get("failed") or now.get("unreachable"):
@@ -39,7 +39,7 @@ class ActionModule(FleetAction):
         found = _plan(now, part, variables, known)
         if found["unsure"]:
             self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
-            seen = host.job("k3s_ready", {"role": part.role, "timeout": variables["k3s_start_timeout"]})
+            seen = host.job("k3s_ready", {"role": variables["k3s_role"], "timeout": variables["k3s_start_timeout"]})
             if seen.get("unreachable") or "verdict" not in seen:
                 return seen
             if refusal := unheard_refusal(seen, found, variables):
@@ -70,7 +70,7 @@ def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> 
         **work,
         "source": asdict(origin),
         "old_archives": old_archives(now, origin),
-        "service": part.service,
+        "service": SERVICES[variables["k3s_role"]],
         "installed": now["service"]["installed"],
         # a first server without a datastore would start a second cluster where one of these has one
         "rivals": servers[1:] if part.init and not now["data"] else [],
@@ -88,6 +88,6 @@ def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> 
         "staged": NEXT if work["guarded"] else "",
         "hands_out": list(part.tokens),
         # waited for until etcd counts it; a cluster's only server has nobody to be counted by
-        "member": variables["k3s_node_name"] if part.role == "server" and len(servers) > 1 else "",
+        "member": variables["k3s_node_name"] if variables["k3s_role"] == "server" and len(servers) > 1 else "",
         "has_kubeconfig": bool(now["kubeconfig_sha256"]),
     }

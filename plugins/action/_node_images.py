@@ -38,7 +38,7 @@ def _kept(known: Variables) -> list[str]:
 
 def _outcome(brought: Brought) -> Result:
     """The task's result; `failed` where an image is not there after all."""
-    found: Result = {
+    return {
         "changed": brought.changed,
         "imported": list(brought.imported),
         "pulled": list(brought.pulled),
@@ -46,10 +46,8 @@ def _outcome(brought: Brought) -> Result:
         "present": dict(brought.present),
         "pins": dict(brought.pins),
         "diff": {"before": _lines(brought.before), "after": _lines(brought.after)},
+        **({"failed": True, "msg": "; ".join(brought.problems)} if brought.problems else {}),
     }
-    if brought.problems:
-        found.update(failed=True, msg="; ".join(brought.problems))
-    return found
 
 
 def _lines(images: Mapping[str, str]) -> str:

@@ -16,7 +16,7 @@ from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.cluster import foreseen
 from ..plugin_utils._action.gated import GatedAction
 from ..plugin_utils._action.host import RobotHost
-from ..plugin_utils._images.archive import Archives, normal_ref
+from ..plugin_utils._images.archive import archived_ids, normal_ref
 from ..plugin_utils._images.node import NodeImages
 from ..plugin_utils._kube.access import NoClusterError
 from ..plugin_utils._kube.applied import diff_of
@@ -160,12 +160,11 @@ class ActionModule(GatedAction):
         own, paths = str(hosts[self._host]["node"]), [str(one["path"]) for one in archives]
         there = {hosts[name]["node"]: images for name, images in edge.items() if name in hosts}
         there[own] = (self._vars.get("images_brought") or {}).get("present") or {}
-        read = Archives()
 
         @functools.cache
         def known(node: str, ref: str) -> Collection[str]:
             seen = there.get(node, {}).get(normal_ref(ref))
-            return {seen} if seen else read.ids(paths, ref) if node == own else ()
+            return {seen} if seen else archived_ids(paths, ref) if node == own else ()
 
         return known
 

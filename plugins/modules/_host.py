@@ -48,11 +48,19 @@ from ansible.module_utils.urls import open_url
 from ..module_utils._common.documents import Arguments
 from ..module_utils._common.errors import FleetError, NotReadyError
 from ..module_utils._common.poll import PASS, poll
-from ..module_utils._host.download import fetch, listed_sum, proxies
-from ..module_utils._host.facts import Facts, collect
-from ..module_utils._host.k3s import BINARY, SERVICES, Host, K3sHost, sha256, without_secrets
+from ..module_utils._host.facts import Facts, collect, k3s_facts
+from ..module_utils._host.k3s import (
+    BINARY,
+    SERVICES,
+    Host,
+    K3sHost,
+    fetch,
+    listed_sum,
+    proxies,
+    sha256,
+    without_secrets,
+)  # fmt: skip
 from ..module_utils._host.k3s_change import NEXT, K3sChange
-from ..module_utils._host.k3s_facts import k3s_facts
 from ..module_utils._host.k3s_remove import Remover
 
 LOOKS = 0.5  # seconds from one look to the next

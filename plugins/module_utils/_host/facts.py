@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a host is, read from /proc, /sys, /etc and its sockets. Reads only; judges nothing."""
+"""What a host is, read from /proc, /sys, /etc and its sockets, and what k3s is there. Reads only; judges nothing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,22 @@ import threading
 from pathlib import Path
 from typing import Dict, Iterable
 
-from .k3s import CONFIG_DIR, DATA_DIR, SERVICES, UNIT_CGROUP, UNIT_DIRECTORY, Host
+from .._common.documents import Arguments
+from .._common.poll import PASS
+from .k3s import (
+    BINARY,
+    CONFIG_DIR,
+    DATA_DIR,
+    ETCD,
+    KUBECONFIG,
+    SERVICES,
+    UNIT_CGROUP,
+    UNIT_DIRECTORY,
+    Host,
+    K3sHost,
+    token_verdict,
+)
+from .k3s_change import K3sChange
 
 Facts = Dict[str, object]  # as they are written as JSON
 
@@ -19,6 +34,7 @@ V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 KUBELET_CONFIG = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
 CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
+OS_RELEASE = re.compile(r"^(\w+)=[\"']?(.*?)[\"']?\s*$", re.MULTILINE)
 TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
@@ -26,17 +42,15 @@ PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
 MODULES = ("vxlan", "ip_set")
 POLICIES = ("/usr/share/selinux/packages/k3s.pp", "/etc/selinux/targeted/active/modules/200/k3s")
 UFW_ON = re.compile(r"^ENABLED=yes\b", re.MULTILINE)
+KNOCK = 2.0  # seconds for a server of k3s
 SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
 
 def system(host: Host) -> Facts:
-    release = {}
-    for line in host.read("/etc/os-release").splitlines():
-        key, _sign, value = line.partition("=")
-        release[key] = value.strip().strip("\"'")
-    name, keys = os.uname(), {"id": "ID", "version": "VERSION_ID", "name": "PRETTY_NAME"}
+    release = dict(OS_RELEASE.findall(host.read("/etc/os-release")))
+    name = os.uname()
     return {
-        "os": {ours: release.get(theirs, "") for ours, theirs in keys.items()},
+        "os": {"id": release.get("ID", ""), "name": release.get("PRETTY_NAME", "")},
         "kernel": name.release,
         "machine": name.machine,
         "hostname": name.nodename,
@@ -81,10 +95,7 @@ def disk(host: Host, directory: str) -> Facts:
     place = Path(directory)
     while not host.exists(str(place)) and place != place.parent:
         place = place.parent
-    try:
-        numbers = os.statvfs(str(host.path(str(place))))
-    except OSError:
-        return {"path": directory, "total_mb": 0, "free_mb": 0, "free_inodes": None, "type": ""}
+    numbers = os.statvfs(str(host.path(str(place))))
     block = numbers.f_frsize / 1048576
     return {
         "path": directory,
@@ -213,21 +224,10 @@ def reach(targets: list[str], timeout: float) -> list[Facts]:
 
 
 def firewalls(host: Host) -> list[str]:
-    """Those that drop what nobody allowed."""
-    found = ["ufw"] if UFW_ON.search(host.read("/etc/ufw/ufw.conf")) else []
-    for pid in (name for name in host.names("/proc") if name.isdigit()):
-        # a Python program: its name alone says python3
-        if "firewalld" in (host.read(f"/proc/{pid}/comm").strip(), *_words(host, pid)):
-            return [*found, "firewalld"]
-    return found
-
-
-def _words(host: Host, pid: str) -> list[str]:
-    try:
-        text = host.path(f"/proc/{pid}/cmdline").read_bytes().decode("utf-8", "replace")
-    except OSError:
-        return []
-    return [word.rpartition("/")[2] for word in text.split("\0")[:3]]
+    """Those that drop what nobody allowed. systemd keeps a service's cgroup as long as that runs."""
+    groups = (f"/sys/fs/cgroup/{below}system.slice/firewalld.service" for below in ("", "systemd/"))
+    on = {"ufw": UFW_ON.search(host.read("/etc/ufw/ufw.conf")), "firewalld": any(map(host.exists, groups))}
+    return [name for name, found in on.items() if found]
 
 
 def selinux(host: Host) -> Facts:
@@ -263,4 +263,51 @@ def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], ti
             "selinux": selinux(host),
             "lacking": lacking(host, os.uname().release),
         },
+    }
+
+
+def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
+    """What decides whether something is to be done about k3s.
+
+    `asked` are the `role` that the host is to have, the `files` that k3s reads when it starts, `token` and
+    `agent_token` as the inventory gives them (empty: keep those that are there), and the `servers` as address:port.
+
+    `stale`: k3s was started with other files. `data`: there is a datastore (server) or a node's certificate (agent); a
+    host without it says which servers are `answering`. `cgroup_refused`: k3s 1.35 and newer does not start here.
+    `tokens` are verdicts alone, and `change` is the last exchange.
+    """
+    role, files, servers = asked["role"], asked["files"], asked["servers"]
+    service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
+    shown = host.show(service)
+    # what runs now runs, however often it had to be started before
+    seen = host.look(role, restarts_before=int(shown.get("NRestarts") or 0))
+    change = K3sChange(host.run, role).record()
+    data = host.path(f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt").exists()
+    knocks = [] if data else reach(servers, KNOCK)
+    return {
+        "machine": os.uname().machine,
+        "version": host.version(),
+        "files": {name: host.describe(name) for name in dict.fromkeys([*files, BINARY])},
+        "images": host.sizes(f"{DATA_DIR}/agent/images"),
+        "service": {
+            "active": shown.get("ActiveState", "inactive"),
+            "enabled": shown.get("UnitFileState") == "enabled",
+            "installed": shown.get("LoadState") == "loaded",
+        },
+        "other_service": host.path(f"{UNIT_DIRECTORY}/{other}.service").exists(),
+        "stale": host.stale(service, files),
+        "ready": seen.verdict == PASS,
+        "data": data,
+        "etcd": role == "server" and host.path(ETCD).exists(),
+        "tokens": {
+            name: token_verdict(
+                asked[option], host.read(f"{CONFIG_DIR}/{file}"), host.read(f"{DATA_DIR}/server/{file}")
+            )
+            for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
+        },
+        "server_url": server_url(host.read(f"{CONFIG_DIR}/config.yaml")),
+        "cgroup_refused": cgroup(host)["refused"],
+        "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
+        "change": {"unproven": change.unproven, "version": change.version},
+        "kubeconfig_sha256": host.describe(KUBECONFIG)["sha256"],
     }

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A host's files; what k3s is there, what it was started with, and whether it serves.
+"""A host's files; what k3s is there, what it was started with, whether it serves, and its binary's way there.
 
-Decisions are functions of text; `Host` and `K3sHost` are the only I/O.
+Decisions are functions of text; `Host`, `K3sHost` and `fetch` are the only I/O.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import hashlib
 import json
 import os
 import re
+import shutil
 from pathlib import Path
-from typing import Any, Callable, Iterable
+from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError
 from .._common.poll import FAIL, PASS, WAIT, Seen
@@ -27,6 +28,7 @@ KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
 SERVICES = {"server": "k3s", "agent": "k3s-agent"}
 # The unit writes here what it was started with (plugin_utils/_k3s/wanted.py).
 STARTED_WITH = "/run/rosops-fleet-{service}.started"
+STATE = "%n %i %s %Y"  # of one file, for stat
 SHOWN = ("LoadState", "ActiveState", "SubState", "UnitFileState", "NRestarts", "Result")
 RESTARTS_ALLOWED = 3
 FULL_TOKEN = re.compile(r"^K10[0-9a-f]{64}::")
@@ -41,6 +43,8 @@ SECRETS = (
 TROUBLE = re.compile(r"^[EF]\d{4} |level=(error|fatal|panic)|^panic:|\"level\":\"(error|fatal|panic)\"|^error:", re.I)
 LONGEST_LINE = 300
 BLOCK = 1 << 20  # bytes that are read at once of a large file
+SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$", re.MULTILINE)  # as sha256sum writes it
+PROXY = re.compile(r"(https?|all|no)_proxy", re.IGNORECASE)
 
 Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
 
@@ -145,10 +149,7 @@ class Host:
             return ""
 
     def exists(self, name: str) -> bool:
-        try:
-            return os.path.lexists(str(self.path(name)))
-        except OSError:
-            return False
+        return os.path.lexists(str(self.path(name)))
 
     def names(self, name: str) -> list[str]:
         try:
@@ -164,21 +165,21 @@ class K3sHost(Host):
         super().__init__(root)
         self.run = run
 
-    def must(self, *command: str, data: str | None = None) -> str:
-        """What a command printed; FleetError where it failed."""
+    def must(self, *command: str, data: str | None = None, otherwise: str = "") -> str:
+        """What a command printed. FleetError where it failed: how its words end, and what is the case `otherwise`."""
         code, out, err = self.run(list(command), data=data)
         if code != 0:
-            raise FleetError(f"{' '.join(command)}: {(err or out).strip()}")
+            told = without_secrets((err or out).strip())[-LONGEST_LINE:]
+            raise FleetError("; ".join(filter(None, [f"{' '.join(command)}: {told}", otherwise])))
         return str(out)
 
     def describe(self, name: str) -> dict[str, object]:
-        """Digest, size and mode of a file; `exists: false` and empty values for one that is not there."""
+        """Digest and mode of a file; `exists: false` and empty values for one that is not there."""
         path = self.path(name)
         try:
-            stat, digest = path.stat(), sha256(path)
+            return {"exists": True, "mode": f"{path.stat().st_mode & 0o7777:04o}", "sha256": sha256(path)}
         except OSError:
-            return {"exists": False, "sha256": "", "size": 0, "mode": ""}
-        return {"exists": True, "sha256": digest, "size": stat.st_size, "mode": f"{stat.st_mode & 0o7777:04o}"}
+            return {"exists": False, "mode": "", "sha256": ""}
 
     def sizes(self, directory: str) -> dict[str, int]:
         try:
@@ -202,14 +203,8 @@ class K3sHost(Host):
         This is asked of the host, not remembered from this run's changes: a run that was interrupted between writing a
         file and restarting would otherwise never be made good.
         """
-        now = set()
-        for name in files:
-            try:
-                stat = self.path(name).stat()
-            except OSError:
-                continue
-            now.add(f"{name} {stat.st_ino} {stat.st_size} {stat.st_mtime_ns // 10**9}")
-        return now != set(self.read(STARTED_WITH.format(service=service)).splitlines())
+        now = self.run(["stat", "-c", STATE, *files])[1]
+        return sorted(now.splitlines()) != sorted(self.read(STARTED_WITH.format(service=service)).splitlines())
 
     def journal(self, service: str, lines: int, since: float) -> str:
         """The last lines that say something is wrong; of a unit that says nothing of the kind, the last lines."""
@@ -236,3 +231,38 @@ class K3sHost(Host):
             return seen
         found, text = self.api(f"/api/v1/nodes/{member}")
         return member_verdict(json.loads(text)) if found else Seen(WAIT, f"Node {member}: {text}")
+
+
+# --- its binary -------------------------------------------------------------------------------------------------------
+
+
+def proxies(environment: Mapping[str, object]) -> dict[str, str]:
+    """What of a unit's environment concerns a download, in both spellings that programs read."""
+    found = {str(name): str(value) for name, value in environment.items() if PROXY.fullmatch(str(name))}
+    return {spelled: value for name, value in found.items() for spelled in (name.lower(), name.upper())}
+
+
+def listed_sum(text: str, name: str, where: str) -> str:
+    """A file's sum out of a list of sha256sum."""
+    for digest, listed in SUM_LINE.findall(text):
+        if listed == name:
+            return str(digest)
+    raise FleetError(f"{where} has no SHA-256 of {name}")
+
+
+def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str) -> bool:
+    """Whether the file had to be brought. FleetError, and nothing there, where what came is not what was expected."""
+    if sha256(place) == expected:
+        return False
+    part = place.with_name(f"{place.name}.part")
+    try:
+        with part.open("wb") as file:
+            shutil.copyfileobj(open_url(url), file, BLOCK)
+        came = sha256(part)
+        if came != expected:
+            raise FleetError(f"it has the SHA-256 {came}, expected is {expected}")
+        part.chmod(0o755)
+        part.replace(place)
+    finally:
+        part.unlink(missing_ok=True)
+    return True

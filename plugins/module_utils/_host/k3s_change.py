@@ -17,7 +17,7 @@ from typing import Iterable, Mapping, NamedTuple
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .k3s import BINARY, DATA_DIR, ETCD, SERVICES, K3sHost, Run, without_secrets
+from .k3s import BINARY, DATA_DIR, ETCD, SERVICES, K3sHost, Run
 
 RECORD = "/var/lib/rosops-fleet/k3s-change.json"
 NEXT, PREVIOUS = ".next", ".previous"
@@ -94,8 +94,8 @@ class K3sChange(K3sHost):
             if existed:
                 self._link(name + PREVIOUS, name + NEXT)
                 self.path(name + NEXT).replace(self.path(name))
-            elif self.path(name).exists():
-                self.path(name).unlink()
+            else:
+                self.path(name).unlink(missing_ok=True)
         try:
             if kept:
                 self._restore(kept)
@@ -141,7 +141,8 @@ class K3sChange(K3sHost):
                 old.unlink()
             left = "nothing was exchanged"
             # its directory is said, as `k3s_config` may have another
-            self._k3s("etcd-snapshot", "save", "--name", name, "--etcd-snapshot-dir", str(there), otherwise=left)
+            save = ("etcd-snapshot", "save", "--name", name, "--etcd-snapshot-dir", str(there))
+            self.must(str(self.path(BINARY)), *save, otherwise=left)
             made = set(there.glob(f"{name}-*")) - set(before)
             if not made:  # a full disk is no error to k3s
                 raise FleetError(f"k3s etcd-snapshot save left no {name} in {there}; {left}")
@@ -157,8 +158,8 @@ class K3sChange(K3sHost):
     def _restore(self, kept: str) -> None:
         """Put the datastore that was kept in place of the one that a newer k3s has changed. k3s is stopped."""
         if kept != DATABASE_COPY:
-            left = "it starts with the datastore of the newer one"
-            self._k3s("server", "--cluster-reset", f"--cluster-reset-restore-path={self.path(kept)}", otherwise=left)
+            reset = ("server", "--cluster-reset", f"--cluster-reset-restore-path={self.path(kept)}")
+            self.must(str(self.path(BINARY)), *reset, otherwise="it starts with the datastore of the newer one")
             return
         new, old = self.path(f"{DATABASE}.new"), self.path(DATABASE_LEFT)
         for place in (new, old):
@@ -170,12 +171,10 @@ class K3sChange(K3sHost):
     def _link(self, name: str, other: str) -> None:
         """The same file under another name, put there at once. A binary of 70 MB is not copied."""
         new = self.path(f"{other}.new")
-        if new.exists():
-            new.unlink()
+        new.unlink(missing_ok=True)
         os.link(str(self.path(name)), str(new))
         new.replace(self.path(other))
-        if new.exists():  # rename does nothing where both names are of one file
-            new.unlink()
+        new.unlink(missing_ok=True)  # rename does nothing where both names are of one file
 
     def _write(self, record: Change) -> None:
         place, new = self.path(RECORD), self.path(f"{RECORD}.new")
@@ -203,12 +202,6 @@ class K3sChange(K3sHost):
     def invocation(self) -> str:
         """systemd's name for this one start of the unit."""
         return str(self.run(["systemctl", "show", self.service, "-p", "InvocationID", "--value"])[1]).strip()
-
-    def _k3s(self, *arguments: str, otherwise: str) -> None:
-        code, out, err = self.run([str(self.path(BINARY)), *arguments])
-        if code != 0:
-            last = (err or out).strip().splitlines()[-1:]
-            raise FleetError(f"k3s {' '.join(arguments)}: {without_secrets(''.join(last)[:300])}; {otherwise}")
 
 
 def _minor(version: str) -> list[str]:

@@ -7,6 +7,7 @@ may be touched, whatever else runs on the robot.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -59,27 +60,18 @@ class Process(NamedTuple):
 
 
 def own_processes(processes: Iterable[Process]) -> list[int]:
-    """What is left in the units' cgroups, the pods' shims and everything below them, children before parents."""
-    listed = sorted(processes, key=lambda process: process.pid)
-    children: dict[int, list[int]] = {}
-    for process in listed:
-        children.setdefault(process.parent, []).append(process.pid)
-    order: list[int] = []
-    stack = [process.pid for process in listed if _is_k3s(process)]
-    while stack:
-        pid = stack.pop()
-        if pid in order:
-            order.remove(pid)  # a child that was met by itself before: it goes before its parent
-        order.append(pid)
-        stack.extend(children.get(pid, []))
-    return order[::-1]
+    """What is left in the units' cgroups, the pods' shims and everything below them, the youngest first."""
+    listed = list(processes)
+    found = {process.pid for process in listed if _is_k3s(process)}
+    while below := {process.pid for process in listed if process.parent in found} - found:
+        found |= below
+    return sorted(found, reverse=True)
 
 
 def in_pods(processes: Iterable[Process]) -> list[int]:
     """Of these the ones in containers: they get the time that a pod has to stop. A shim is nobody's to ask."""
     listed = list(processes)
-    known = {process.pid: process for process in listed}
-    return [pid for pid in own_processes(listed) if not _is_k3s(known[pid])]
+    return [pid for pid in own_processes(listed) if pid not in {one.pid for one in listed if _is_k3s(one)}]
 
 
 def _is_k3s(process: Process) -> bool:
@@ -104,11 +96,6 @@ def without_own_rules(saved: str) -> str:
     return "".join(line for line in saved.splitlines(keepends=True) if not CHAINS.search(line))
 
 
-def mounts_below(mounts: str, directory: str) -> list[str]:
-    """What is still mounted below a directory. Deleting would reach through it, into data that is elsewhere."""
-    return [point for point in _points(mounts) if point.startswith(directory.rstrip("/") + "/")]
-
-
 def _points(mounts: str) -> list[str]:
     return [line.split()[1].replace("\\040", " ") for line in mounts.splitlines() if len(line.split()) > 1]
 
@@ -124,7 +111,7 @@ class Remover(K3sHost):
 
     def everything(self, volumes: bool, identity: bool) -> dict[str, list[Any]]:
         installed = self.installed()
-        removed: dict[str, list[Any]] = {
+        return {
             "units": self.units(),
             "processes": self.processes(),
             "mounts": self.mounts(),
@@ -132,9 +119,6 @@ class Remover(K3sHost):
             "firewalls": self.firewalls(),
             "paths": self.paths(volumes, identity, installed),
         }
-        if removed["units"] and not self.dry:
-            self.must("systemctl", "daemon-reload")
-        return removed
 
     def units(self) -> list[str]:
         """Stop and delete the units: nothing may start a pod again."""
@@ -142,6 +126,8 @@ class Remover(K3sHost):
         for unit in found if not self.dry else []:
             self.must("systemctl", "disable", "--now", f"{unit}.service")
             self.path(f"{UNIT_DIRECTORY}/{unit}.service").unlink()
+        if found and not self.dry:
+            self.must("systemctl", "daemon-reload")
         return found
 
     def installed(self) -> bool:
@@ -184,10 +170,8 @@ class Remover(K3sHost):
 
     def send(self, processes: Iterable[int], number: int) -> None:
         for pid in processes:
-            try:
+            with contextlib.suppress(ProcessLookupError):
                 self.kill(pid, number)
-            except ProcessLookupError:
-                continue
 
     def mounts(self) -> list[str]:
         found = own_mounts(self.path("/proc/self/mounts").read_text(encoding="utf-8"))
@@ -200,9 +184,9 @@ class Remover(K3sHost):
 
     def interfaces(self) -> list[str]:
         links = []
-        for entry in sorted(self.path("/sys/class/net").iterdir()):
-            master = entry / "master"
-            links.append((entry.name, os.readlink(str(master)).rpartition("/")[2] if master.exists() else ""))
+        for name in self.names("/sys/class/net"):
+            master = self.path(f"/sys/class/net/{name}/master")
+            links.append((name, os.readlink(str(master)).rpartition("/")[2] if master.exists() else ""))
         found = own_interfaces(links)
         for name in found if not self.dry else []:
             code, out, err = self.run(["ip", "link", "delete", name])
@@ -227,8 +211,9 @@ class Remover(K3sHost):
         return found
 
     def paths(self, volumes: bool, identity: bool, installed: bool) -> list[str]:
-        places = [*PLACES, *self.cni_results()] if installed else []
-        found = [name for name in [*OURS, *places] if self.removable(name)]
+        # what the CNI plugins remember of k3s's network; that of other engines is beside it
+        results = [f"{CNI_RESULTS}/{name}" for name in self.names(CNI_RESULTS) if name.startswith("cbr0-")]
+        found = [name for name in [*OURS, *([*PLACES, *results] if installed else [])] if self.removable(name)]
         found += [name for name in LINKS if self.links_to_k3s(name)]
         found += self.data_paths(volumes)
         found += [name for name in (CONFIG_DIR, *BINARIES) if self.removable(name)]
@@ -237,10 +222,6 @@ class Remover(K3sHost):
         for name in found if not self.dry else []:
             self.delete(name)
         return found
-
-    def cni_results(self) -> list[str]:
-        """What the CNI plugins remember of k3s's network; that of other engines is beside it."""
-        return sorted(f"{CNI_RESULTS}/{path.name}" for path in self.path(CNI_RESULTS).glob("cbr0-*"))
 
     def removable(self, name: str) -> bool:
         """Whether it is there; a mount point of the operator's counts only with something in it."""
@@ -253,10 +234,7 @@ class Remover(K3sHost):
 
     def data_paths(self, volumes: bool) -> list[str]:
         """The data directory piece by piece if the volumes stay, so that theirs is never touched."""
-        data = self.path(DATA_DIR)
-        if not data.exists():
-            return []
-        names = sorted(entry.name for entry in data.iterdir())
+        names = self.names(DATA_DIR)
         if not volumes and STORAGE in names:
             return [f"{DATA_DIR}/{name}" for name in names if name != STORAGE]
         return [DATA_DIR] if self.removable(DATA_DIR) else []
@@ -270,8 +248,9 @@ class Remover(K3sHost):
         if path.is_symlink() or not path.is_dir():
             path.unlink()
             return
-        mounted = mounts_below(self.path("/proc/self/mounts").read_text(encoding="utf-8"), name)
-        below = [point for point in mounted if point not in OPERATORS_MOUNTS]
+        # what is still mounted below, deleting would reach through, into data that is elsewhere
+        points = _points(self.path("/proc/self/mounts").read_text(encoding="utf-8"))
+        below = [point for point in points if point.startswith(f"{name}/") and point not in OPERATORS_MOUNTS]
         if below:
             raise FleetError(f"{', '.join(below)} is still mounted below {name}")
         if self.kept_by_operator(name):

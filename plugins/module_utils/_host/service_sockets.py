@@ -30,7 +30,6 @@ RESOLVE_SECONDS = 2.0
 
 _ESTABLISHED, _LISTEN = "01", "0A"
 _REMOTE = re.compile(r" to \[(?P<host>[^\s\]]+):(?P<port>\d+) on socket ")
-_MAPPED = "0000000000000000FFFF0000"  # what an IPv6 socket has in front of an IPv4 address, as the kernel prints it
 
 End = Tuple[str, int]
 
@@ -64,12 +63,10 @@ class Namespace:
 
 def _end(text: str) -> End:
     """'0100007F:2B67' -> ('127.0.0.1', 11111): words in the machine's own byte order."""
-    address, _colon, port = text.partition(":")
-    if len(address) == 32 and address.startswith(_MAPPED):
-        address = address[len(_MAPPED) :]
-    words = [int(address[at : at + 8], 16) for at in range(0, len(address), 8)]
-    packed = struct.pack(f"={len(words)}I", *words)
-    return str(ipaddress.ip_address(packed)), int(port, 16)
+    words, _colon, port = text.partition(":")
+    packed = struct.pack(f"={len(words) // 8}I", *(int(words[at : at + 8], 16) for at in range(0, len(words), 8)))
+    address = ipaddress.ip_address(packed)
+    return str(getattr(address, "ipv4_mapped", None) or address), int(port, 16)
 
 
 def tcp_rows(text: str) -> Iterator[TcpSocket]:
@@ -162,10 +159,8 @@ class ServiceConnections:
         if left > 0:
             self.sleep(left)
         after = namespaces(self.proc)
-        uris = {name: service.said.uri for name, service in graph.services.items()}
-        ends = _resolved({name: uri for name, uri in uris.items() if uri})
         found = {}
-        for name, end in ends.items():
+        for name, end in _resolved(graph).items():
             service = graph.services[name]
             provider = service.said.provider or (*names_of(service.providers), "")[0]
             topics = topic_ends(graph.node(provider).connections)
@@ -175,7 +170,7 @@ class ServiceConnections:
         return found
 
 
-def _resolved(uris: Mapping[str, str]) -> dict[str, End]:
+def _resolved(graph: Graph) -> dict[str, End]:
     """The IPv4 address and port of each service; what does not resolve is left out."""
 
     def resolve(uri: str) -> End:
@@ -188,5 +183,6 @@ def _resolved(uris: Mapping[str, str]) -> dict[str, End]:
         return "", 0
 
     # many services share an address, and a name's look-up may hang
+    uris = {name: service.said.uri for name, service in graph.services.items() if service.said.uri}
     found = in_parallel({uri: partial(resolve, uri) for uri in set(uris.values())}, RESOLVE_SECONDS, failed)
     return {name: found[uri] for name, uri in uris.items() if found[uri][0]}

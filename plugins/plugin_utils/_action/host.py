@@ -56,7 +56,7 @@ class ActionHost:
             options = {
                 "archive": False,
                 "partial": True,
-                "rsync_opts": [f"--bwlimit={rate_limit}"],
+                "rsync_opts": [f"--bwlimit={rate_limit}", "--chmod=F600"],
                 # by itself it takes any host's key, and leaves out the arguments that SSH gets elsewhere
                 "use_ssh_args": True,
                 "verify_host": ssh.has_option(checked) and ssh.get_option(checked),

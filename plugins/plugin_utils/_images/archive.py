@@ -22,22 +22,22 @@ import tarfile
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ...module_utils._common.documents import Variables
 from ...module_utils._common.errors import SpecError
-from .._model.machines import MACHINES, architecture_of
+from .._model.machines import architecture_of
 
 REF_NAME = "org.opencontainers.image.ref.name"
 CONTAINERD_NAME = "io.containerd.image.name"
 TYPE = "application/vnd.oci.image"
-BLOBS = "blobs/sha256/"
 Descriptor = dict[str, object]  # of OCI: what names a blob
 LARGEST_JSON = 4 * 1024 * 1024
 LARGEST_COMPRESSED = 100_000_000  # bytes of an archive that is unpacked only to be listed, which takes 1.5 s
 # By their first bytes. containerd takes gzip and zstd (archive/compression), Python 3.11 reads no zstd.
-_COMPRESSED = {b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
+_PACKINGS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _UNREADABLE = (OSError, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError)
 _UNSEEN = (OSError, ValueError, RuntimeError)  # no file, no path, nobody's home
 
@@ -79,16 +79,32 @@ def local_path(path: Any) -> str:
 
 def archive_images(path: str, machine: str = "x86_64") -> list[Image]:
     """The named images of a docker or OCI archive; of one for several architectures, that of `machine`."""
+    wanted, chosen = architecture_of(machine), list[Image]()
     with opened(path) as archive:
-        return archive.images(architecture_of(machine))
+        images = archive.images()
+    for _ref, group in groupby(images, lambda image: image.ref):
+        offered = list(group)
+        fitting = [image for image in offered if image.architecture == wanted][-1:] or offered
+        if len(fitting) > 1:
+            names = ", ".join(sorted(image.architecture for image in offered))
+            raise SpecError(f"{path} has no image for {wanted}, only for {names}")
+        chosen += fitting
+    return chosen
 
 
 def unusable(path: str) -> str:
-    """Why an archive cannot be brought to any node, by how it is compressed; nothing where it can."""
-    with Path(path).open("rb") as file:
-        begin = file.read(6)
-    found = next((name for magic, name in _COMPRESSED.items() if begin.startswith(magic)), "")
-    return f"{path} is compressed by {found}: unpack it, or compress it by gzip" if found else ""
+    """Why no node can take the archive, by how it is compressed; nothing where it can, or where that is not seen."""
+    try:
+        with Path(local_path(path)).open("rb") as file:
+            found = _packing(file)
+    except _UNSEEN:
+        return ""
+    return f"{path} is compressed by {found}: unpack it, or compress it by gzip" if found not in ("", "gzip") else ""
+
+
+def _packing(file: IO[bytes]) -> str:
+    begin = file.read(6)
+    return next((name for magic, name in _PACKINGS.items() if begin.startswith(magic)), "")
 
 
 @contextlib.contextmanager
@@ -107,11 +123,6 @@ def opened(path: str) -> Iterator[Archive]:
         raise SpecError(f"{path} is no docker or OCI image archive ({type(error).__name__}: {error})") from error
 
 
-def is_plain(file: io.BufferedReader) -> bool:
-    """Whether a tar is not compressed: only such a one is listed without reading all of it."""
-    return file.peek(512)[257:262] == b"ustar"
-
-
 class Archive:
     """The small JSON files of one archive; layers are skipped."""
 
@@ -120,51 +131,57 @@ class Archive:
         self.archive = archive
         self.members = {str(Path(member.name)): member for member in archive.getmembers()}
 
-    def images(self, architecture: str = "") -> list[Image]:
-        """Those with names; of one for several architectures, without `architecture` the first one that is offered."""
+    def images(self) -> list[Image]:
+        """Those with names, by these; of one for several architectures as many as are there."""
         if "manifest.json" in self.members:
-            found = self._docker()
+            found = [
+                self._image(ref, entry["Config"], entry.get("Layers") or [])
+                for entry in json.loads(self.read("manifest.json"))
+                for ref in entry.get("RepoTags") or []
+            ]
         elif "index.json" in self.members:
-            found = self._oci(architecture)
+            found = [*self._oci(json.loads(self.read("index.json")))]
         else:
             raise SpecError(f"{self.path} holds neither manifest.json nor index.json: it is no image archive")
         if not found:
             raise SpecError(f"{self.path} names no image: save it with its name and tag")
         return sorted(found, key=lambda image: image.ref)
 
-    def _docker(self) -> list[Image]:
-        return [
-            self._image(ref, entry["Config"], entry.get("Layers") or [])
-            for entry in json.loads(self.read("manifest.json"))
-            for ref in entry.get("RepoTags") or []
-        ]
-
-    def _oci(self, architecture: str) -> list[Image]:
-        found = []
-        for entry in json.loads(self.read("index.json"))["manifests"]:
-            notes = entry.get("annotations") or {}
-            ref = notes.get(CONTAINERD_NAME) or notes.get(REF_NAME)
-            if ref:
-                place = self._manifest(entry["digest"], architecture)
-                manifest = json.loads(self.read(place))
-                layers = [_blob(layer["digest"]) for layer in manifest.get("layers") or []]
-                found.append(self._image(ref, _blob(manifest["config"]["digest"]), layers, place))
-        return found
-
-    def _manifest(self, digest: str, architecture: str) -> str:
-        document = json.loads(self.read(_blob(digest)))
-        if "config" in document:
-            return _blob(digest)
-        offered = {entry["platform"]["architecture"]: entry["digest"] for entry in document["manifests"]}
-        chosen = architecture or next(iter(offered), "any machine")
-        if chosen not in offered:
-            raise SpecError(f"{self.path} has no image for {chosen}, only for {', '.join(sorted(offered))}")
-        return self._manifest(offered[chosen], architecture)
+    def _oci(self, index: Any, ref: str = "") -> Iterator[Image]:
+        """Those that an index names, or one within it, all of whose images have its name."""
+        for entry in index["manifests"]:
+            notes, place = entry.get("annotations") or {}, _blob(entry["digest"])
+            name = ref or notes.get(CONTAINERD_NAME) or notes.get(REF_NAME)
+            # what is made for another architecture may have been left out, and how it was made is no image
+            if not name or (ref and (place not in self.members or entry["platform"]["architecture"] == "unknown")):
+                continue
+            document = json.loads(self.read(place))
+            if "config" in document:
+                layers = [_blob(layer["digest"]) for layer in document.get("layers") or []]
+                yield self._image(name, _blob(document["config"]["digest"]), layers, place)
+            else:
+                yield from self._oci(document, name)
 
     def _image(self, ref: str, config: str, layers: Sequence[str], manifest: str = "") -> Image:
         content = self.read(config)
         digest, architecture = hashlib.sha256(content).hexdigest(), str(json.loads(content).get("architecture", ""))
         return Image(normal_ref(ref), f"sha256:{digest}", architecture, tuple(layers), config, manifest)
+
+    def manifest(self, image: Image, config: Descriptor) -> bytes:
+        """The one that it has, or that containerd makes of a docker archive: a layer's digest is that of the file.
+
+        A layer that is compressed, or not there, is left out: which digest it gets is not sure.
+        """
+        if image.manifest:
+            return self.read(image.manifest)
+        digests = (json.loads(self.read(image.config)).get("rootfs") or {}).get("diff_ids") or ()
+        layers = [
+            {"mediaType": f"{TYPE}.layer.v1.tar", "digest": digest, "size": member.size}
+            for digest, member in zip(digests, map(self.member, image.layers))
+            if member and not _packing(self.content(member))
+        ]
+        document = {"schemaVersion": 2, "mediaType": f"{TYPE}.manifest.v1+json", "config": config, "layers": layers}
+        return json.dumps(document).encode()
 
     def member(self, name: str) -> tarfile.TarInfo | None:
         """A file by its name, over the links by which archives share layers."""
@@ -176,75 +193,59 @@ class Archive:
         target = self.members.get(posixpath.normpath(posixpath.join(above, found.linkname)))
         return target if target and target.isfile() else None
 
-    def is_plain(self, member: tarfile.TarInfo) -> bool:
-        """Whether it is a tar that is not compressed."""
+    def content(self, member: tarfile.TarInfo) -> IO[bytes]:
+        """Of a file."""
         file = self.archive.extractfile(member)
-        return isinstance(file, io.BufferedReader) and is_plain(file)
+        if file is None:
+            raise SpecError(f"{self.path}: {member.name} is no file")
+        return file
 
     def read(self, name: str) -> bytes:
         """A small file, whole."""
         member = self.members[str(Path(name))]
         if member.size > LARGEST_JSON:
             raise SpecError(f"{self.path}: {name} has {member.size} bytes, too many for a manifest")
-        file = self.archive.extractfile(member)
-        if file is None:
-            raise SpecError(f"{self.path}: {name} is no file")
-        return file.read()
+        return self.content(member).read()
 
 
 def _blob(digest: str) -> str:
     return f"blobs/{digest.replace(':', '/')}"
 
 
-class Archives:
-    """Several archives, each of which is read once.
+def archived_ids(paths: Sequence[str], ref: str) -> frozenset[str]:
+    """The IDs that the image of this name has in the last of these archives that holds it, one per architecture."""
+    name = normal_ref(ref)
+    return next((held[name] for path in reversed(paths) if name in (held := _read(path) or {})), frozenset())
 
-    What cannot be read, or only in a long time, shows nothing: whoever is to bring it to a node says what is wrong.
+
+def archived_instead(archives: Sequence[Variables], ref: str) -> list[str]:
+    """The images that archives (`{path, images}`) hold where none of them has this one.
+
+    Nothing where one has it, or cannot be looked into: whoever is to bring that to a node says what is wrong.
     """
-
-    def __init__(self) -> None:
-        self._read = functools.cache(_read)
-
-    def ids(self, paths: Sequence[str], ref: str) -> frozenset[str]:
-        """The IDs that the image of this name has in the last of these archives that holds it, one per architecture."""
-        name = normal_ref(ref)
-        return next((held[name] for path in reversed(paths) if name in (held := self._read(path) or {})), frozenset())
-
-    def unusable(self, path: str) -> str:
-        """Why no node can take the archive, as far as that is seen."""
-        try:
-            return unusable(local_path(path))
-        except _UNSEEN:
-            return ""
-
-    def instead(self, archives: Sequence[Variables], ref: str) -> list[str]:
-        """The images that archives (`{path, images}`) hold where none of them has this one.
-
-        Nothing where one has it, or cannot be looked into.
-        """
-        held: set[str] = set()
-        for archive in archives:
-            images = self._read(archive["path"])
-            if images is None:
-                return []
-            held |= {*map(normal_ref, archive.get("images") or images)}
-        return [] if normal_ref(ref) in held else sorted(held)
+    held: set[str] = set()
+    for archive in archives:
+        images = _read(archive["path"])
+        if images is None:
+            return []
+        held |= {*map(normal_ref, archive.get("images") or images)}
+    return [] if normal_ref(ref) in held else sorted(held)
 
 
+@functools.cache  # for a task, which has a process of its own
 def _read(path: str) -> dict[str, frozenset[str]] | None:
-    """The full names of its images, with their IDs, one per architecture; None where they are not seen."""
+    """The full names of its images, with their IDs, one per architecture; None where they are not seen.
+
+    Nor is what cannot be read, or only in a long time.
+    """
     try:
-        place = local_path(path)
-        with Path(place).open("rb") as file:
-            if not is_plain(file) and Path(place).stat().st_size > LARGEST_COMPRESSED:
+        place = Path(local_path(path))
+        with place.open("rb") as file:
+            if _packing(file) and place.stat().st_size > LARGEST_COMPRESSED:
                 return None
-        with opened(place) as archive:
-            found = {image.ref: {image.id} for image in archive.images()}
-            for machine in MACHINES.values():
-                with contextlib.suppress(SpecError):  # an image for several of them need not be for all
-                    for image in archive.images(machine.architecture):
-                        found[image.ref].add(image.id)
-        return {ref: frozenset(ids) for ref, ids in found.items()}
+        with opened(str(place)) as archive:
+            groups = groupby(archive.images(), lambda image: image.ref)
+            return {ref: frozenset(image.id for image in images) for ref, images in groups}
     except (SpecError, *_UNSEEN):
         return None
 
@@ -252,75 +253,44 @@ def _read(path: str) -> dict[str, frozenset[str]] | None:
 # --- without what a node has ------------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Parts:
-    """What makes images whole: content at hand and members of the archive, by digest, and the index that names it."""
-
-    made: dict[str, bytes] = field(default_factory=dict)
-    members: dict[str, tarfile.TarInfo] = field(default_factory=dict)
-    index: list[Descriptor] = field(default_factory=list)
-
-    def put(self, content: bytes) -> Descriptor:
-        """Its descriptor."""
-        digest = f"sha256:{hashlib.sha256(content).hexdigest()}"
-        self.made[digest] = content
-        return {"digest": digest, "size": len(content)}
-
-
 def thin_archive(path: str, images: Iterable[Image], blobs: Collection[str], place: Path) -> frozenset[str] | None:
     """Write it; `blobs` are the digests that the node has. What it has to have afterwards, None for no thin archive."""
+    made: dict[str, bytes] = {}  # by digest, as the layers
+    layers: dict[str, tarfile.TarInfo] = {}
+    index: list[Descriptor] = []
+
+    def put(content: bytes, kind: str) -> Descriptor:
+        digest = f"sha256:{hashlib.sha256(content).hexdigest()}"
+        made[digest] = content
+        return {"mediaType": kind, "digest": digest, "size": len(content)}
+
     with opened(path) as archive:
-        parts = _Parts()
-        if not all(_add(parts, archive, image) for image in images):
+        for image in images:
+            manifest = archive.manifest(image, put(archive.read(image.config), f"{TYPE}.config.v1+json"))
+            document = json.loads(manifest)
+            members = [member for name in image.layers if (member := archive.member(name))]
+            if not len(document["layers"]) == len(members) == len(image.layers):
+                return None
+            layers.update((str(layer["digest"]), member) for layer, member in zip(document["layers"], members))
+            described = put(manifest, document.get("mediaType") or f"{TYPE}.manifest.v1+json")
+            index.append({**described, "annotations": {CONTAINERD_NAME: image.ref}})
+        # as they lie in the archive: going back in a compressed one means to unpack it anew
+        lacking = sorted((one for one in layers.items() if one[0] not in blobs), key=lambda one: one[1].offset)
+        size = sum(member.size for _digest, member in lacking)
+        if len(lacking) == len(layers) or size >= Path(path).stat().st_size:
             return None
-        lacking = {digest: member for digest, member in parts.members.items() if digest not in blobs}
-        size = sum(member.size for member in lacking.values())
-        if len(lacking) == len(parts.members) or size >= Path(path).stat().st_size:
-            return None
+        files = {"oci-layout": json.dumps({"imageLayoutVersion": "1.0.0"}).encode()}
+        files["index.json"] = json.dumps({"schemaVersion": 2, "manifests": index}).encode()
+        files |= {_blob(digest): content for digest, content in made.items()}
         with tarfile.open(place, "w") as thin:
-            _put(thin, "oci-layout", json.dumps({"imageLayoutVersion": "1.0.0"}).encode())
-            _put(thin, "index.json", json.dumps({"schemaVersion": 2, "manifests": parts.index}).encode())
-            for digest, content in parts.made.items():
-                _put(thin, _name(digest), content)
-            # as they lie in the archive: going back in a compressed one means to unpack it anew
-            for digest, member in sorted(lacking.items(), key=lambda item: item[1].offset):
-                info = tarfile.TarInfo(_name(digest))
-                info.size = member.size
-                thin.addfile(info, archive.archive.extractfile(member))
-        return frozenset([*parts.made, *parts.members])
+            for name, content in files.items():
+                _add(thin, name, io.BytesIO(content), len(content))
+            for digest, member in lacking:
+                _add(thin, _blob(digest), archive.content(member), member.size)
+    return frozenset([*made, *layers])
 
 
-def _add(parts: _Parts, archive: Archive, image: Image) -> bool:
-    """Whether all that the image is made of is known."""
-    config = archive.read(image.config)
-    members = [archive.member(name) for name in image.layers]
-    if image.manifest:
-        manifest = archive.read(image.manifest)
-        digests = [str(layer["digest"]) for layer in json.loads(manifest)["layers"]]
-        parts.put(config)
-    else:  # of a docker archive containerd makes the manifest itself; a layer's digest is that of the file
-        digests = [str(digest) for digest in (json.loads(config).get("rootfs") or {}).get("diff_ids") or ()]
-        layers = [
-            {"mediaType": f"{TYPE}.layer.v1.tar", "digest": digest, "size": member.size}
-            for digest, member in zip(digests, members)
-            if member is not None and archive.is_plain(member)
-        ]
-        if len(layers) < max(len(digests), len(members)):
-            return False
-        described = {"mediaType": f"{TYPE}.config.v1+json", **parts.put(config)}
-        document = {"schemaVersion": 2, "mediaType": f"{TYPE}.manifest.v1+json", "config": described, "layers": layers}
-        manifest = json.dumps(document).encode()
-    kind = json.loads(manifest).get("mediaType") or f"{TYPE}.manifest.v1+json"
-    parts.index.append({"mediaType": kind, **parts.put(manifest), "annotations": {CONTAINERD_NAME: image.ref}})
-    parts.members.update((digest, member) for digest, member in zip(digests, members) if member is not None)
-    return len(digests) == len(members) and None not in members
-
-
-def _put(thin: tarfile.TarFile, name: str, content: bytes) -> None:
+def _add(thin: tarfile.TarFile, name: str, content: IO[bytes], size: int) -> None:
     info = tarfile.TarInfo(name)
-    info.size = len(content)
-    thin.addfile(info, io.BytesIO(content))
-
-
-def _name(digest: str) -> str:
-    return BLOBS + digest.partition(":")[2]
+    info.size = size
+    thin.addfile(info, content)

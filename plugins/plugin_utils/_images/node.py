@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bring images to one node: look, plan, copy, import, pull, verify. A node that has everything costs one command.
+"""The images of one node. A node that has everything costs one command.
 
-The host is handed in, so this knows neither SSH nor Ansible.
+Brought is what it lacks: look, plan, copy, import, pull, verify. The host is handed in, so this knows neither SSH nor
+Ansible.
+
+Kept is what the kubelet may not delete when the disk fills. It deletes what no container uses, the longest unused
+first: what was brought for the next step, and what that step would go back to. So what is wanted is pinned, and of each
+repository what was wanted or ran before it. What is older is let go, once no container uses it.
 """
 
 from __future__ import annotations
 
 import base64
+import json
 import re
 import tempfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,14 +25,26 @@ from ...module_utils._common.errors import FleetError, SpecError
 from ...module_utils._host.k3s import BINARY
 from .._model.machines import architecture_of
 from .archive import Image, archive_images, local_path, normal_ref, thin_archive
-from .look import LABEL, LOOK, Present, pins, present
 
-# On the disk that holds the images anyway.
-DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
+# What is just brought, on the disk that holds the images anyway: one archive at a time, which the next run resumes.
+PLACE = "/var/lib/rancher/rosops-fleet-images.tar"
 NOT_FOUND = 127  # the shell's exit status for a command that is not there
 HUB = ("docker.io", "index.docker.io", "registry-1.docker.io")  # its names
 # crictl takes them from its environment, too
 PULL_AS = 'IFS= read -r CRICTL_AUTH && export CRICTL_AUTH && exec "$0" crictl pull "$1"'
+
+PIN = "rosops.fleet/pinned"  # whose value says why this collection keeps an image; k3s has a label of its own, too
+WANTED, BEFORE, LET_GO = "wanted", "before", ""
+CTR = f"{BINARY} ctr --namespace k8s.io"
+_LOOKS = ("uname -m", f"{BINARY} crictl images -o json", f"{CTR} images ls", f"{CTR} content ls -q",
+          f"{BINARY} crictl ps -a -o json")  # fmt: skip
+_BREAK = "--- rosops.fleet ---"
+LOOK = f" && echo '{_BREAK}' && ".join(_LOOKS)
+# The second label is the one that containerd's CRI tells the kubelet of. An empty value takes a label away.
+LABEL = (
+    'while [ $# -gt 0 ]; do "$0" ctr --namespace k8s.io images label "$2" "io.cri-containerd.pinned=${1:+pinned}" '
+    f'"{PIN}=$1" >/dev/null || exit; shift 2; done'
+)
 
 
 class ImagesError(FleetError):
@@ -41,20 +58,22 @@ class NodeHost(Protocol):
         """Run a module on the host, whatever the check mode; nobody logs the arguments of a `secret` one."""
 
     def copy(self, src: str, dest: str, rate_limit: str) -> Result:
-        """Copy a file from the control node; `rate_limit` is rsync's --bwlimit, empty for none."""
+        """Copy a file from the control node, mode 0600; `rate_limit` is rsync's --bwlimit, empty for none."""
 
 
 @dataclass(frozen=True)
-class ImagePlan:
-    """What must be there in the end, name to ID, and what is to be done for it.
+class Present:
+    """A node's machine (as `uname -m` says it), and its images: full name to ID, names by digest included.
 
-    A pulled image's ID is not known beforehand and is empty. `bring` are archives, each with the images that are
-    lacking of it, `pull` names that no archive holds.
+    `pins` are names with the reason for which they are kept, `blobs` the digests of all content, `used` the IDs of the
+    images of containers that are there, ended ones too.
     """
 
-    wanted: Mapping[str, str]
-    bring: Mapping[str, Sequence[Image]]
-    pull: Sequence[str]
+    machine: str
+    images: Mapping[str, str]
+    pins: Mapping[str, str] = field(default_factory=dict)
+    blobs: frozenset[str] = frozenset()
+    used: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -63,7 +82,7 @@ class Brought:
 
     `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
     would pull has an empty ID in `after`. `present` are all that the node has now, `pins` those whose pin is
-    another one now (`look.pins`).
+    another one now (`pins`).
     """
 
     imported: tuple[str, ...] = ()
@@ -79,21 +98,14 @@ class Brought:
         return bool(self.imported or self.pulled or self.pins)
 
 
+@dataclass(frozen=True)
 class NodeImages:
-    """The images of one node; `say` is told what takes long."""
+    """The images of one node. `say` is told what takes long; `logins` are `{registry, username, password}`."""
 
-    def __init__(
-        self,
-        host: NodeHost,
-        rate_limit: str = "",
-        say: Callable[[str], None] = lambda _text: None,
-        logins: Sequence[Variables] = (),
-    ) -> None:
-        """`logins` are credentials for registries, `{registry, username, password}`."""
-        self.host = host
-        self.logins = logins
-        self.rate_limit = rate_limit
-        self.say = say
+    host: NodeHost
+    rate_limit: str = ""
+    say: Callable[[str], None] = lambda _text: None
+    logins: Sequence[Variables] = ()
 
     def present(self, without_k3s: bool = False) -> Present:
         """What the node has; with `without_k3s`, a host on which k3s is not installed yet has no images."""
@@ -115,41 +127,44 @@ class NodeImages:
         if not archives and not names:
             return Brought()
         there = self.present(without_k3s=check)
-        plan = images_plan([{**one, "path": local_path(one["path"])} for one in archives], names, there)
+        archives = [{**one, "path": local_path(one["path"])} for one in archives]
+        wanted, lacking, pull = images_plan(archives, names, there)
         after = there
         if check:
-            known = {ref: digest or there.images.get(ref, "") for ref, digest in plan.wanted.items()}
+            known = {ref: digest or there.images.get(ref, "") for ref, digest in wanted.items()}
             after = replace(there, images={**there.images, **known})
-        elif plan.bring or plan.pull:
+        elif lacking or pull:
             try:
-                after = self._change(plan, there)
+                after = self._change(wanted, lacking, pull, there)
             except ImagesError as error:  # whoever goes on without it has to know what there is
                 error.details["present"] = dict(self.present().images)
                 raise
-        changes = pins(plan.wanted, after, map(normal_ref, keep))
+        changes = pins(wanted, after, map(normal_ref, keep))
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             _require(self._command("/bin/sh", "-c", LABEL, BINARY, *pairs), f"images not pinned: {' '.join(pairs)}")
-        before, now = ({ref: one.images[ref] for ref in plan.wanted if ref in one.images} for one in (there, after))
-        problems = tuple(images_problems(plan.wanted, after.images))
-        return Brought(tuple(plan.bring), tuple(plan.pull), problems, before, now, after.images, changes)
+        before, now = ({ref: one.images[ref] for ref in wanted if ref in one.images} for one in (there, after))
+        problems = tuple(
+            f"{ref} has the ID {after.images[ref]}, not {digest}" if ref in after.images else f"{ref} is not there"
+            for ref, digest in sorted(wanted.items())
+            if ref not in after.images or (digest and after.images[ref] != digest)
+        )
+        return Brought(tuple(lacking), tuple(pull), problems, before, now, after.images, changes)
 
-    def _change(self, plan: ImagePlan, there: Present) -> Present:
-        """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
-        needed = {path: self._import(path, images, there) for path, images in plan.bring.items()}
-        archived = ", ".join(sorted(ref for ref, digest in plan.wanted.items() if digest))
-        for name in plan.pull:
+    def _change(
+        self, wanted: Mapping[str, str], lacking: Mapping[str, Sequence[Image]], pull: Iterable[str], there: Present
+    ) -> Present:
+        """What the node has afterwards."""
+        for path, images in lacking.items():
+            self._import(path, images, there)
+        archived = ", ".join(sorted(ref for ref, digest in wanted.items() if digest))
+        for name in pull:
             more = f"; no archive in images_archives has it, only {archived}" if archived else ""
             _require(self._pull(name), f"{BINARY} crictl pull {name}", more)
-        after = self.present()
-        again = [path for path, digests in needed.items() if not digests <= after.blobs]
-        for path in again:
-            self.say(f"the node has not kept all that it had of {path}")
-            _require(self._load(path, Path(path)), f"{path} could not be imported")
-        return self.present() if again else after
+        return self.present()
 
-    def _import(self, path: str, images: Sequence[Image], there: Present) -> frozenset[str]:
-        """What of the archive the node has to have afterwards, where only a part of it travelled."""
+    def _import(self, path: str, images: Sequence[Image], there: Present) -> None:
+        """The part that the node lacks. Layers that it had may have gone meanwhile: then all of the archive travels."""
         with tempfile.TemporaryDirectory() as directory:
             file, needed = Path(directory, "thin.tar"), None
             try:
@@ -157,45 +172,37 @@ class NodeImages:
             except (OSError, SpecError) as error:  # no room for it here, or not as it was a moment ago
                 self.say(f"no part of {path} is left out: {error}")
             if needed is not None and not self._load(path, file).get("failed"):
-                return needed
+                if needed <= self.present().blobs:
+                    return
+                self.say(f"the node has not kept all that it had of {path}")
         _require(self._load(path, Path(path)), f"{path} could not be imported")
-        return frozenset()
 
     def _load(self, path: str, file: Path) -> Result:
         """Copy and import a file. Never more than one lies on the node beside the images that come out of it."""
-        place, sizes = self._place(path), [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
-        self._file(DIRECTORY, state="directory", mode="0700")
+        sizes = [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
         self.say(f"copying {' of '.join(dict.fromkeys(sizes))}: {path}")
-        _require(self.host.copy(str(file), place, self.rate_limit), f"{path} could not be copied")
+        _require(self.host.copy(str(file), PLACE, self.rate_limit), f"{path} could not be copied")
         self.say(f"importing {path}")
         try:
-            return self._command(BINARY, "ctr", "--namespace", "k8s.io", "images", "import", place)
+            return self._command(BINARY, "ctr", "--namespace", "k8s.io", "images", "import", PLACE)
         finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
-            self._file(place, state="absent")
+            _require(self.host.module("ansible.builtin.file", {"path": PLACE, "state": "absent"}), PLACE)
 
     def _pull(self, name: str) -> Result:
         """With each of the credentials, until one will do. They go by standard input: command lines are seen by all."""
         self.say(f"pulling {name}")
-        known = auths(name, self.logins)
-        result = {} if known else self._command(BINARY, "crictl", "pull", name)
-        for auth in known:
-            result = self._command("/bin/sh", "-c", PULL_AS, BINARY, name, stdin=auth)
+        result: Result = {}
+        for auth in auths(name, self.logins) or [""]:
+            how = ("/bin/sh", "-c", PULL_AS, BINARY, name) if auth else (BINARY, "crictl", "pull", name)
+            result = self._command(*how, stdin=auth)
             if not result.get("failed"):
                 break
         return result
 
-    def _place(self, path: str) -> str:
-        """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
-        return f"{DIRECTORY}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
-
-    def _file(self, path: str, **wanted: str) -> None:
-        _require(self.host.module("ansible.builtin.file", {"path": path, **wanted}), path)
-
     def _command(self, *argv: str, stdin: str = "") -> Result:
         """Run it; what it gets on its standard input is a secret."""
-        if stdin:
-            return self.host.module("ansible.builtin.command", {"argv": [*argv], "stdin": stdin}, secret=True)
-        return self.host.module("ansible.builtin.command", {"argv": [*argv]})
+        given = {"argv": [*argv], **({"stdin": stdin} if stdin else {})}
+        return self.host.module("ansible.builtin.command", given, secret=bool(stdin))
 
 
 def _require(result: Result, what: str, more: str = "") -> None:
@@ -210,8 +217,11 @@ def _reason(result: Result) -> str:
 # --- what is to be done -----------------------------------------------------------------------------------------------
 
 
-def images_plan(archives: Iterable[Arguments], names: Iterable[str], present: Present) -> ImagePlan:
-    """What a node lacks: a whole archive if one of its images is missing, and names that no archive holds.
+def images_plan(
+    archives: Iterable[Arguments], names: Iterable[str], present: Present
+) -> tuple[dict[str, str], dict[str, Sequence[Image]], list[str]]:
+    """What must be there in the end, name to ID; the archives to bring, each with those of its images that the node
+    lacks; and the names to pull, which no archive holds. A pulled image's ID is not known beforehand and is empty.
 
     An archive is `{path, images}`, where `images` names those that count; none means all.
     """
@@ -228,7 +238,7 @@ def images_plan(archives: Iterable[Arguments], names: Iterable[str], present: Pr
             bring[path] = missing
     refs = list(dict.fromkeys(normal_ref(name) for name in names))
     pull = [ref for ref in refs if ref not in present.images and ref not in wanted]
-    return ImagePlan({**dict.fromkeys(refs, ""), **wanted}, bring, pull)
+    return {**dict.fromkeys(refs, ""), **wanted}, bring, pull
 
 
 def _chosen(archive: Arguments, images: list[Image]) -> list[Image]:
@@ -239,15 +249,6 @@ def _chosen(archive: Arguments, images: list[Image]) -> list[Image]:
         held = ", ".join(image.ref for image in images)
         raise SpecError(f"{archive['path']} does not hold {', '.join(missing)}, only {held}")
     return [image for image in images if image.ref in names] if names else images
-
-
-def images_problems(wanted: Mapping[str, str], present: Mapping[str, str]) -> list[str]:
-    """What is still wrong on the node once all was brought, a line each; both are name to ID."""
-    return [
-        f"{ref} is not there" if ref not in present else f"{ref} has the ID {present[ref]}, not {digest}"
-        for ref, digest in sorted(wanted.items())
-        if ref not in present or (digest and present[ref] != digest)
-    ]
 
 
 def auths(image: str, logins: Iterable[Variables]) -> list[str]:
@@ -270,3 +271,64 @@ def _place(address: str) -> str:
     host, slash, path = re.sub(r"^https?://", "", address).rstrip("/").partition("/")
     path = re.sub(r"^v[12]$", "", path)
     return f"{HUB[0] if host in HUB else host}{slash if path else ''}{path}"
+
+
+# --- what is there ----------------------------------------------------------------------------------------------------
+
+
+def present(printed: str) -> Present:
+    """Out of what LOOK printed. A host without k3s has got no further than its machine."""
+    machine, images, labels, blobs, containers, *_none = [*f"{printed}\n".split(f"{_BREAK}\n"), "", "", "", ""]
+    listed = _json(containers).get("containers") or []
+    used = frozenset(_digest(str(one.get("imageRef") or "")) for one in listed)
+    return Present(machine.strip(), node_images(images), _pins(labels), frozenset(blobs.split()), used)
+
+
+def node_images(listing: str) -> dict[str, str]:
+    """Name to ID of a node's images, out of what `crictl images -o json` prints. Names by digest are in it, too."""
+    return {
+        normal_ref(ref): _digest(image["id"])
+        for image in _json(listing).get("images") or []
+        for ref in [*(image.get("repoTags") or []), *(image.get("repoDigests") or [])]
+    }
+
+
+def _json(printed: str) -> Result:
+    try:
+        return dict(json.loads(printed.strip() or "{}"))
+    except ValueError as error:
+        raise SpecError(f"crictl's list is no JSON: {error}") from error
+
+
+def _digest(image: str) -> str:
+    return image if re.match(r"^\w+:", image) else f"sha256:{image}"
+
+
+def _pins(table: str) -> dict[str, str]:
+    """Of `ctr images ls`: the name is the first column, and labels are the last one, without a blank."""
+    rows = [line.split() for line in table.splitlines()[1:]]
+    labels = {row[0]: dict(item.partition("=")[::2] for item in row[-1].split(",")) for row in rows if row}
+    return {normal_ref(ref): own[PIN] for ref, own in labels.items() if own.get(PIN)}
+
+
+# --- what is kept -----------------------------------------------------------------------------------------------------
+
+
+def pins(wanted: Iterable[str], there: Present, keep: Iterable[str] = ()) -> dict[str, str]:
+    """Names whose pin has to change, and to what. One of `keep` stays pinned, where it is."""
+    names = [*wanted, *(ref for ref in keep if ref in there.pins)]
+    now = {ref: WANTED for ref in names if ref in there.images}
+    ours = {_repository(ref) for ref in now}
+    runs = {ref for ref, image in there.images.items() if image in there.used and "@" not in ref}
+    left = [ref for ref in there.pins if ref in there.images and ref not in now]
+    moved = {_repository(ref) for ref in left if there.pins[ref] == WANTED}
+    for ref in left:
+        older = there.pins[ref] == BEFORE and _repository(ref) in moved
+        now[ref] = LET_GO if older and ref not in runs else BEFORE
+    now.update({ref: BEFORE for ref in runs - now.keys() if _repository(ref) in ours})
+    return {ref: why for ref, why in sorted(now.items()) if there.pins.get(ref, LET_GO) != why}
+
+
+def _repository(ref: str) -> str:
+    """A name without tag and digest."""
+    return re.sub(r"(:[^/:@]*)?(@.*)?$", "", ref, count=1)

@@ -16,8 +16,7 @@ from ...module_utils._common.poll import WAIT
 from ...module_utils._host.k3s import BINARY
 from .._model.machines import CGROUP_V2_FROM, MACHINES
 from .._model.machines import version as parsed
-from .source import Artifacts
-from .wanted import HostFile, Wanted
+from .wanted import Artifacts, HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
@@ -31,14 +30,15 @@ def file_changes(wanted: Sequence[HostFile], found: Result) -> dict[str, list[st
 
     `found` is what k3s_facts saw. Comparing digests here spares a host on which nothing changed a task per file.
     """
-    changes: dict[str, list[str]] = {"write": [], "remove": []}
-    for file in wanted:
-        there = found[file.path]
-        if not file.content:
-            changes["remove"] += [file.path] if there["exists"] else []
-        elif (there["sha256"], there["mode"]) != (hashlib.sha256(file.content.encode()).hexdigest(), file.mode):
-            changes["write"].append(file.path)
-    return changes
+
+    def right(file: HostFile) -> bool:
+        there, digest = found[file.path], hashlib.sha256(file.content.encode()).hexdigest()
+        return bool((there["sha256"], there["mode"]) == (digest, file.mode))
+
+    return {
+        "write": [file.path for file in wanted if file.content and not right(file)],
+        "remove": [file.path for file in wanted if not file.content and found[file.path]["exists"]],
+    }
 
 
 def missing_tokens(now: Result, names: Sequence[str], init: bool) -> list[str]:
@@ -64,11 +64,6 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     start = changed or not up or not now["service"]["enabled"]
     unproven = bool(now["change"]["unproven"])
     works = bool(up and now["ready"] and now["data"])
-    told = {
-        "works": works,
-        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven)),
-        "down": bool(now["data"] and not up),
-    }
     work: Result = {
         "binary": binary,
         "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
@@ -82,9 +77,16 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
         "restart": changed,
         "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
-    # A unit that is up and only not enabled is not restarted for that.
-    told |= {"any": any(work.values()), "undone": any(value for name, value in work.items() if name != "wait")}
-    return {**work, **told, "state": "restarted" if up and changed else "started"}
+    return {
+        **work,
+        "works": works,
+        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven)),
+        "down": bool(now["data"] and not up),
+        "any": any(work.values()),
+        "undone": any(value for name, value in work.items() if name != "wait"),
+        # a unit that is up and only not enabled is not restarted for that
+        "state": "restarted" if up and changed else "started",
+    }
 
 
 def old_archives(now: Result, source: Artifacts) -> list[str]:

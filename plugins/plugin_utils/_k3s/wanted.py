@@ -1,18 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What k3s is to be on a host: its configuration and the other files, out of the variables of the role k3s. Pure."""
+"""What k3s is to be on a host, out of the variables of the role k3s: its configuration and the other files.
+
+And where its binary, its images and its tokens come from: the project's releases or a directory of the control node; a
+server of the cluster or the inventory.
+"""
 
 from __future__ import annotations
 
+import base64
 import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+import secrets
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from urllib.parse import quote
 
 import yaml
 
 from ...module_utils._common.documents import Result, Variables
-from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES, STARTED_WITH, UNIT_DIRECTORY
+from ...module_utils._common.errors import SpecError
+from ...module_utils._host.k3s import (
+    BINARY,
+    CONFIG_DIR,
+    SERVICES,
+    STARTED_WITH,
+    STATE,
+    SUM_LINE,
+    UNIT_DIRECTORY,
+    token_verdict,
+)
+from .._model.machines import MACHINES
 from .._model.topology import address
 
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
@@ -23,6 +41,8 @@ API_PORT = 6443
 SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@")
 # A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.
 WEIGHTS = {"agent": "10", "server": ""}
+ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
+VARIABLES = {"token": "k3s_token", "agent-token": "k3s_agent_token"}
 UNIT = """[Unit]
 Description=k3s {role}
 Documentation=https://docs.k3s.io
@@ -35,7 +55,7 @@ EnvironmentFile=-/etc/rancher/k3s/environment
 ExecStartPre=-/sbin/modprobe br_netfilter
 ExecStartPre=-/sbin/modprobe overlay
 # What this start reads, for the role to see whether a restart is due.
-ExecStartPre=-/bin/sh -c 'stat -c "%%n %%i %%s %%Y" {started_with} >{record} 2>/dev/null'
+ExecStartPre=-/bin/sh -c 'stat -c "{state}" {started_with} >{record} 2>/dev/null'
 ExecStart={binary} {role}
 # Pods outlive a restart of k3s, and have cgroups of their own.
 KillMode=process
@@ -65,8 +85,6 @@ class HostFile:
 class Wanted:
     """One host's part in its cluster."""
 
-    role: str
-    service: str
     init: bool  # it starts the cluster; the others join it
     url: str  # where members join, and what goes into the kubeconfig
     files: tuple[HostFile, ...]
@@ -100,7 +118,6 @@ def wanted(
     SpecError where a server is no host.
     """
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
-    service = SERVICES[role]
     init = role == "server" and servers[:1] == [host]
     url = joins or server_url(variables, servers[0], hostvars)
     # A server that stays alone has SQLite: etcd syncs each write, which wears SD cards out. k3s takes what is in SQLite
@@ -109,7 +126,7 @@ def wanted(
     if init:
         joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
-    unit = f"{UNIT_DIRECTORY}/{service}.service"
+    unit = f"{UNIT_DIRECTORY}/{SERVICES[role]}.service"
     config_file, registries, environment = (
         f"{CONFIG_DIR}/{name}" for name in ("config.yaml", "registries.yaml", "environment")
     )
@@ -119,13 +136,13 @@ def wanted(
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
     files = (
         HostFile(config_file, _yaml(config), "0600", secret),
-        HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
+        HostFile(unit, unit_text(role, started_with, variables), "0644", False),
         HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
         HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
     )
     path = variables["k3s_kubeconfig_path"]
     kubeconfig = str(Path(path).expanduser()) if init and path else ""
-    return Wanted(role, service, init, url, files, tokens, started_with, kubeconfig)
+    return Wanted(init, url, files, tokens, started_with, kubeconfig)
 
 
 def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:
@@ -149,7 +166,7 @@ def _yaml(value: Mapping[str, object]) -> str:
     return HEADER + yaml.safe_dump(value, allow_unicode=True, default_flow_style=False) if value else ""
 
 
-def unit_text(role: str, service: str, started_with: Sequence[str], variables: Variables) -> str:
+def unit_text(role: str, started_with: Sequence[str], variables: Variables) -> str:
     """The unit; `started_with` are the files whose state it records when it starts."""
     weight = WEIGHTS[role] if variables["k3s_cpu_weight"] == "auto" else variables["k3s_cpu_weight"]
     limits = {
@@ -163,11 +180,102 @@ def unit_text(role: str, service: str, started_with: Sequence[str], variables: V
         "TasksMax": "infinity",
     }
     lines = "\n".join(f"{name}={value}" for name, value in limits.items() if value != "")
-    read, record = " ".join(started_with), STARTED_WITH.format(service=service)
-    return HEADER + UNIT.format(role=role, started_with=read, record=record, binary=BINARY, limits=lines)
+    read, record = " ".join(started_with), STARTED_WITH.format(service=SERVICES[role])
+    return HEADER + UNIT.format(
+        role=role, state=STATE.replace("%", "%%"), started_with=read, record=record, binary=BINARY, limits=lines
+    )
 
 
 def environment_text(environment: Variables) -> str:
     """The unit's environment; empty if there is none. systemd reads a value as C does, which JSON's quotes are."""
     lines = (f"{name}={json.dumps(str(environment[name]))}\n" for name in sorted(environment, key=str.lower))
     return HEADER + "".join(lines) if environment else ""
+
+
+# --- where it comes from ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Artifacts:
+    """Binary and archive for one machine. What does not apply is empty.
+
+    `sha256` is the binary's, empty where only the release's own list of sums (`sums`, a URL) has it. `archive_name` is
+    the archive's name on the host: it holds the digest, so neither end needs to read hundreds of MB to compare.
+    """
+
+    sha256: str = ""
+    path: str = ""  # of the binary on the control node
+    url: str = ""  # of the binary in the releases
+    sums: str = ""
+    archive_name: str = ""
+    archive_path: str = ""
+    archive_sha256: str = ""
+    archive_size: int = 0
+
+
+def source(variables: Variables, machine: str) -> Artifacts:
+    """The source that the role's variables choose; SpecError if the airgap directory lacks something."""
+    if variables["k3s_install_source"] == "airgap":
+        return _airgap(variables["k3s_airgap_dir"], machine)
+    known = MACHINES[machine]
+    release = f"{variables['k3s_release_url']}/{quote(variables['k3s_version'])}"
+    return Artifacts(
+        sha256=variables["k3s_release_checksums"].get(machine) or "",
+        url=f"{release}/k3s{known.suffix}",
+        sums=f"{release}/sha256sum-{known.architecture}.txt",
+    )
+
+
+def _airgap(directory: str, machine: str) -> Artifacts:
+    """What the directory has for a machine by its SHA256SUMS; of several packings of the images the smallest."""
+    base, known = Path(directory).expanduser(), MACHINES[machine]
+    binary = f"k3s{known.suffix}"
+    archives = [f"k3s-airgap-images-{known.architecture}{ending}" for ending in ARCHIVE_ENDINGS]
+    try:
+        sums = _sums((base / "SHA256SUMS").read_text(encoding="utf-8"))
+        if binary not in sums:
+            raise SpecError(f"SHA256SUMS has no line for {binary}, which hosts of {machine} need")
+        (base / binary).stat()
+        images = next((name for name in archives if name in sums), "")
+        size = (base / images).stat().st_size if images else 0
+    except OSError as error:
+        raise SpecError(f"k3s_airgap_dir {base}: {error.filename} cannot be read: {error.strerror}") from error
+    found = Artifacts(sha256=sums[binary], path=str(base / binary))
+    if not images:
+        return found
+    name, path, digest = images.replace(".tar", f"-{sums[images][:12]}.tar"), str(base / images), sums[images]
+    return replace(found, archive_name=name, archive_path=path, archive_sha256=digest, archive_size=size)
+
+
+def _sums(manifest: str) -> dict[str, str]:
+    """File to SHA-256, out of what sha256sum wrote."""
+    sums: dict[str, str] = {}
+    for number, line in enumerate(manifest.splitlines(), start=1):
+        if found := SUM_LINE.match(line.strip()):
+            sums[found.group(2)] = found.group(1)
+        elif line.strip():
+            raise SpecError(f"SHA256SUMS, line {number}, is no line of sha256sum: {line.strip()[:80]!r}")
+    return sums
+
+
+def tokens_to_keep(names: Iterable[str], read: Sequence[Result], variables: Variables) -> dict[str, str]:
+    """Name of a token's file to its text: what the first server hands out, else the inventory's, else a new one.
+
+    `read` is what slurp returned for each file of the servers that could be asked, in their order; empty on the first
+    server itself. The full form of a token (K10...) lets a member check that it talks to the right cluster before it
+    says a word. SpecError where the inventory's is not the cluster's.
+    """
+    joined = {
+        PurePosixPath(file["source"]).name: base64.b64decode(file["content"]).decode().strip()
+        for file in reversed(read)
+        if "content" in file
+    }
+    wrong = [
+        VARIABLES[name]
+        for name, text in joined.items()
+        if variables[VARIABLES[name]] and token_verdict(variables[VARIABLES[name]], text, "") != "same"
+    ]
+    if wrong:
+        cluster = variables["k3s_cluster"]
+        raise SpecError(f"{', '.join(wrong)} is not the one that the cluster {cluster} runs with; nothing was changed.")
+    return {name: joined.get(name) or variables[VARIABLES[name]] or secrets.token_hex(24) for name in names}

@@ -2,7 +2,6 @@ package main
 
 import (
 	"context"
-	"encoding/json"
 	"fmt"
 	"net"
 	"net/http"
@@ -15,16 +14,13 @@ import (
 	"syscall"
 	"time"
 
-	corev1 "k8s.io/api/core/v1"
-	apierrors "k8s.io/apimachinery/pkg/api/errors"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
-	"k8s.io/apimachinery/pkg/types"
 	"k8s.io/client-go/kubernetes"
 	"sigs.k8s.io/yaml"
 )
 
 func agentCommand(args []string) error {
-	c, err := loadConfig("agent", args, os.Environ())
+	c, err := loadConfig(false, configFile, args)
 	if err != nil {
 		return err
 	}
@@ -62,14 +58,6 @@ func agentCommand(args []string) error {
 // what it started goes on until ctx ends. A server runs one as well, towards
 // itself, and passes no registered.
 func runAgent(ctx context.Context, c *config, procs *processes, t token, registered func()) error {
-	lock, err := lockDir(c.dataDir.agent(".lock"))
-	if err != nil {
-		return err
-	}
-	go func() {
-		<-ctx.Done()
-		lock.Close()
-	}()
 	password, err := nodePassword()
 	if err != nil {
 		return err
@@ -78,7 +66,7 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 
 	// On a server there is work to do while the control plane starts. An
 	// agent, like k3s's, runs nothing before its server has spoken to it.
-	images := &imageImporter{dir: c.dataDir.agent("images")}
+	images := c.dataDir.agent("images")
 	var runtime chan error
 	startRuntime := func() {
 		runtime = make(chan error, 1)
@@ -89,23 +77,22 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 	if c.server {
 		startRuntime()
 	} else {
-		u, err := url.Parse(c.serverURL)
+		u, err := url.Parse(c.ServerURL)
 		if err != nil || u.Hostname() == "" {
-			return fmt.Errorf("server: %q is not a URL", c.serverURL)
+			return fmt.Errorf("server: %q is not a URL", c.ServerURL)
 		}
 		port := u.Port()
 		if port == "" {
 			port = "443"
 		}
 		lb = newLoadBalancer(c.dataDir.agent("etc", "k3s-agent-load-balancer.json"), net.JoinHostPort(u.Hostname(), port))
-		if err := lb.serve(ctx, "127.0.0.1:"+c.lbPort); err != nil {
+		if err := lb.serve(ctx, balancer); err != nil {
 			return err
 		}
-		supervisorURL = "https://127.0.0.1:" + c.lbPort
+		supervisorURL = "https://" + balancer
 		apiURL = supervisorURL
 	}
-	cluster, err := join(ctx, c, supervisorURL, t, password, lb)
-	if err != nil {
+	if err := join(ctx, c, supervisorURL, t, password, lb); err != nil {
 		return err
 	}
 	if runtime == nil {
@@ -127,39 +114,34 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 	if err != nil {
 		return err
 	}
-	if err := startKubelet(ctx, c, cluster, procs); err != nil {
+	if err := startKubelet(ctx, c, procs); err != nil {
 		return err
 	}
-	if !cluster.NoKubeProxy {
-		if err := startKubeProxy(ctx, c, cluster, procs); err != nil {
-			return err
-		}
-	}
-	node, err := waitRegistered(ctx, c, kube)
-	if err != nil {
+	if err := startKubeProxy(ctx, c, procs); err != nil {
 		return err
 	}
-	logf("info", "Node %s is registered", node.Name)
+	if err := waitRegistered(ctx, c, kube); err != nil {
+		return err
+	}
+	logf("info", "Node %s is registered", c.NodeName)
 	if registered != nil {
 		registered()
 		logf("info", "k3s agent is up and running")
 	}
-	go runRoutes(ctx, c, cluster, kube)
-	go runVolumes(ctx, c, cluster, kube)
-	go images.watch(ctx)
+	go runRoutes(ctx, c, kube)
+	go runVolumes(ctx, c, kube)
 	if lb != nil {
 		go followServers(ctx, kube, lb)
 	}
-	return labelNode(ctx, c, kube)
+	return nil
 }
 
 // join retries until the server has accepted this node: a server that is away
 // comes back, and a wrong token or password can be put right on either side.
-func join(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer) (*agentConfig, error) {
-	cluster := &agentConfig{}
+func join(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer) error {
 	said, saidAt := "", time.Time{}
-	err := poll(ctx, 200*time.Millisecond, 0, func() (bool, error) {
-		err := tryJoin(ctx, c, supervisor, t, password, lb, cluster)
+	return poll(ctx, 200*time.Millisecond, 0, func() (bool, error) {
+		err := tryJoin(ctx, c, supervisor, t, password, lb)
 		if err == nil {
 			return true, nil
 		}
@@ -182,20 +164,16 @@ func join(ctx context.Context, c *config, supervisor string, t token, password s
 		}
 		return false, err
 	})
-	return cluster, err
 }
 
-func tryJoin(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer, cluster *agentConfig) error {
+func tryJoin(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer) error {
 	j, err := newJoiner(ctx, supervisor, t, lb)
 	if err != nil {
 		return err
 	}
-	if err := j.getJSON(ctx, "/v1-k3s/config", cluster); err != nil {
-		return err
-	}
 	agent := c.dataDir.agent
 	for _, signed := range []string{"serving-kubelet", "client-kubelet", "client-kube-proxy", "client-k3s-controller"} {
-		if err := j.sign(ctx, "/v1-k3s/"+signed+".crt", agent(signed), c.nodeName, password, c.nodeIP); err != nil {
+		if err := j.sign(ctx, "/v1-k3s/"+signed+".crt", agent(signed), c.NodeName, password, c.NodeIP); err != nil {
 			return err
 		}
 	}
@@ -258,9 +236,9 @@ func prepareHost() {
 // kubeletConfig is for hosts that are containers themselves (and does no harm
 // on others): no right to lower oom_score_adj, no view of the file system's
 // device, no say about swap and huge pages.
-func kubeletConfig(c *config, cluster *agentConfig) map[string]any {
+func kubeletConfig(c *config) map[string]any {
 	agent := c.dataDir.agent
-	config := map[string]any{
+	return map[string]any{
 		"kind": "KubeletConfiguration", "apiVersion": "kubelet.config.k8s.io/v1beta1",
 		"authentication": map[string]any{
 			"anonymous": map[string]any{"enabled": false},
@@ -270,8 +248,8 @@ func kubeletConfig(c *config, cluster *agentConfig) map[string]any {
 		"authorization":                 map[string]any{"mode": "Webhook"},
 		"address":                       "0.0.0.0",
 		"cgroupDriver":                  "cgroupfs",
-		"clusterDNS":                    []string{cluster.ClusterDNS},
-		"clusterDomain":                 cluster.ClusterDomain,
+		"clusterDNS":                    []string{clusterDNS},
+		"clusterDomain":                 clusterDomain,
 		"containerRuntimeEndpoint":      "unix://" + containerdSocket,
 		"evictionHard":                  map[string]string{},
 		"failCgroupV1":                  false,
@@ -280,7 +258,6 @@ func kubeletConfig(c *config, cluster *agentConfig) map[string]any {
 		"healthzBindAddress":            "127.0.0.1",
 		"imageGCHighThresholdPercent":   100,
 		"localStorageCapacityIsolation": false,
-		"protectKernelDefaults":         c.protectKernel,
 		"resolvConf":                    resolvConf(c),
 		"serializeImagePulls":           false,
 		"staticPodPath":                 agent("pod-manifests"),
@@ -290,15 +267,11 @@ func kubeletConfig(c *config, cluster *agentConfig) map[string]any {
 		// A container that stops at once should be seen at once.
 		"syncFrequency": "30s",
 	}
-	return config
 }
 
 // resolvConf keeps a nameserver on the loopback, which pods could not reach,
 // away from them, as k3s does.
 func resolvConf(c *config) string {
-	if c.resolvConf != "" {
-		return c.resolvConf
-	}
 	for _, path := range []string{"/etc/resolv.conf", "/run/systemd/resolve/resolv.conf"} {
 		content, err := os.ReadFile(path)
 		if err == nil && usableNameservers(string(content)) {
@@ -328,8 +301,8 @@ func usableNameservers(content string) bool {
 	return found
 }
 
-func startKubelet(ctx context.Context, c *config, cluster *agentConfig, procs *processes) error {
-	content, err := yaml.Marshal(kubeletConfig(c, cluster))
+func startKubelet(ctx context.Context, c *config, procs *processes) error {
+	content, err := yaml.Marshal(kubeletConfig(c))
 	if err != nil {
 		return err
 	}
@@ -340,36 +313,25 @@ func startKubelet(ctx context.Context, c *config, cluster *agentConfig, procs *p
 	if err := os.MkdirAll(c.dataDir.agent("pod-manifests"), 0o700); err != nil {
 		return err
 	}
-	base := map[string]string{
-		"config":            path,
-		"hostname-override": c.nodeName,
-		"kubeconfig":        c.dataDir.agent("kubelet.kubeconfig"),
-		"node-ip":           c.nodeIP,
-		"root-dir":          kubeletDir,
-	}
-	if len(c.nodeLabels) > 0 {
-		base["node-labels"] = strings.Join(c.nodeLabels, ",")
-	}
-	if len(c.nodeTaints) > 0 {
-		base["register-with-taints"] = strings.Join(c.nodeTaints, ",")
-	}
-	if c.verbosity != "" {
-		base["v"] = c.verbosity
-	}
-	args, err := mergeArgs(base, c.kubeletArgs)
-	if err != nil {
-		return fmt.Errorf("kubelet-arg: %w", err)
-	}
 	if err := waitFree(ctx, 10248, 10250); err != nil {
 		return err
 	}
-	return procs.component("kubelet", args)
+	return procs.component("kubelet", arguments(map[string]string{
+		"config":            path,
+		"hostname-override": c.NodeName,
+		"kubeconfig":        c.dataDir.agent("kubelet.kubeconfig"),
+		"node-ip":           c.NodeIP,
+		"root-dir":          kubeletDir,
+	}, c.KubeletArgs...))
 }
 
-func startKubeProxy(ctx context.Context, c *config, cluster *agentConfig, procs *processes) error {
-	base := map[string]string{
-		"cluster-cidr":      cluster.ClusterCIDR,
-		"hostname-override": c.nodeName,
+func startKubeProxy(ctx context.Context, c *config, procs *processes) error {
+	if err := waitFree(ctx, 10249, 10256); err != nil {
+		return err
+	}
+	return procs.component("kube-proxy", arguments(map[string]string{
+		"cluster-cidr":      clusterCIDR,
+		"hostname-override": c.NodeName,
 		"kubeconfig":        c.dataDir.agent("kubeproxy.kubeconfig"),
 		"proxy-mode":        "iptables",
 		// Read-only sysctls in a container; 0 leaves them alone.
@@ -378,22 +340,13 @@ func startKubeProxy(ctx context.Context, c *config, cluster *agentConfig, procs 
 		"conntrack-tcp-timeout-close-wait":  "0s",
 		"healthz-bind-address":              "127.0.0.1:10256",
 		"metrics-bind-address":              "127.0.0.1:10249",
-	}
-	args, err := mergeArgs(base, c.proxyArgs)
-	if err != nil {
-		return fmt.Errorf("kube-proxy-arg: %w", err)
-	}
-	if err := waitFree(ctx, 10249, 10256); err != nil {
-		return err
-	}
-	return procs.component("kube-proxy", args)
+	}))
 }
 
 // waitRegistered waits for this run's kubelet and for the node object, which
 // on a restart is there already.
-func waitRegistered(ctx context.Context, c *config, kube kubernetes.Interface) (*corev1.Node, error) {
-	var node *corev1.Node
-	err := poll(ctx, 200*time.Millisecond, 0, func() (bool, error) {
+func waitRegistered(ctx context.Context, c *config, kube kubernetes.Interface) error {
+	return poll(ctx, 200*time.Millisecond, 0, func() (bool, error) {
 		response, err := http.Get("http://127.0.0.1:10248/healthz")
 		if err != nil {
 			return false, err
@@ -402,37 +355,7 @@ func waitRegistered(ctx context.Context, c *config, kube kubernetes.Interface) (
 		if response.StatusCode != http.StatusOK {
 			return false, fmt.Errorf("kubelet: %s", response.Status)
 		}
-		node, err = kube.CoreV1().Nodes().Get(ctx, c.nodeName, metav1.GetOptions{})
-		return err == nil, err
-	})
-	return node, err
-}
-
-// labelNode sets the configured labels again at every start and never removes
-// one: so does k3s, its documentation notwithstanding. Taints are for the
-// registration alone.
-func labelNode(ctx context.Context, c *config, kube kubernetes.Interface) error {
-	labels := map[string]string{}
-	for _, label := range c.nodeLabels {
-		name, value, _ := strings.Cut(label, "=")
-		labels[name] = value
-	}
-	hostname, err := os.Hostname()
-	if err != nil {
-		return err
-	}
-	patch, err := json.Marshal(map[string]any{"metadata": map[string]any{
-		"labels":      labels,
-		"annotations": map[string]string{"k3s.io/hostname": hostname, "k3s.io/internal-ip": c.nodeIP},
-	}})
-	if err != nil {
-		return err
-	}
-	return poll(ctx, time.Second, 0, func() (bool, error) {
-		_, err := kube.CoreV1().Nodes().Patch(ctx, c.nodeName, types.MergePatchType, patch, metav1.PatchOptions{})
-		if apierrors.IsInvalid(err) {
-			return true, fmt.Errorf("node-label: %w", err)
-		}
+		_, err = kube.CoreV1().Nodes().Get(ctx, c.NodeName, metav1.GetOptions{})
 		return err == nil, err
 	})
 }

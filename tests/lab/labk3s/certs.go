@@ -11,19 +11,15 @@ import (
 	"math/big"
 	"net"
 	"os"
-	"slices"
-	"sort"
 	"time"
 
 	certutil "k8s.io/client-go/util/cert"
 	"k8s.io/client-go/util/keyutil"
-	netutils "k8s.io/utils/net"
 )
 
 const (
-	caLife      = 10 * 365 * 24 * time.Hour
-	leafLife    = 365 * 24 * time.Hour
-	renewBefore = 120 * 24 * time.Hour // k3s renews at a start this close to the end
+	caLife   = 10 * 365 * 24 * time.Hour
+	leafLife = 365 * 24 * time.Hour
 	// Lab hosts share a clock, real ones need not: a certificate made a moment
 	// ago must not be "not yet valid" on a host that is a little behind.
 	clockSlack = time.Hour
@@ -145,10 +141,10 @@ func (a *authority) sign(l leaf, public crypto.PublicKey) ([]byte, error) {
 	return certPEM(der), nil
 }
 
-// ensureLeaf keeps the certificate at base+".crt" while it still says what is
-// wanted, is signed by this authority and is far from its end.
+// ensureLeaf makes the certificate at base+".crt". A client's stays as it is:
+// k3s.yaml holds one. A server's is made anew at each start: names may change.
 func (a *authority) ensureLeaf(base string, l leaf) error {
-	if a.current(base, l) {
+	if content, err := os.ReadFile(base + ".crt"); err == nil && !l.server && bytes.HasSuffix(content, a.pem) {
 		return nil
 	}
 	key, err := newKey(base + ".key")
@@ -161,31 +157,6 @@ func (a *authority) ensureLeaf(base string, l leaf) error {
 	}
 	_, err = writeFile(base+".crt", append(cert, a.pem...), 0o644)
 	return err
-}
-
-func (a *authority) current(base string, l leaf) bool {
-	content, err := os.ReadFile(base + ".crt")
-	if err != nil || !exists(base+".key") {
-		return false
-	}
-	cert, err := parseCert(content)
-	if err != nil || cert.CheckSignatureFrom(a.cert) != nil || !bytes.HasSuffix(content, a.pem) {
-		return false
-	}
-	want := l.template()
-	return time.Until(cert.NotAfter) > renewBefore &&
-		cert.Subject.CommonName == l.name &&
-		slices.Equal(cert.Subject.Organization, l.groups) &&
-		slices.Equal(sans(cert), sans(want))
-}
-
-func sans(c *x509.Certificate) []string {
-	all := slices.Clone(c.DNSNames)
-	for _, ip := range c.IPAddresses {
-		all = append(all, ip.String())
-	}
-	sort.Strings(all)
-	return slices.Compact(all)
 }
 
 func newKey(path string) (crypto.Signer, error) {
@@ -256,19 +227,11 @@ func serverLeaves(c *config, cas map[string]*authority) error {
 	if err != nil {
 		return err
 	}
-	_, services, err := net.ParseCIDR(c.serviceCIDR)
-	if err != nil {
-		return err
-	}
-	api, err := netutils.GetIndexedIP(services, 1)
-	if err != nil {
-		return err
-	}
 	apiNames := append([]string{
-		"kubernetes", "kubernetes.default", "kubernetes.default.svc", "kubernetes.default.svc." + c.clusterDomain,
-		"localhost", "127.0.0.1", "::1", apiserverIP, api.String(), c.nodeName, hostname, c.nodeIP, c.advertise,
-	}, c.tlsSANs...)
-	etcdNames := []string{"localhost", "127.0.0.1", "::1", hostname, c.nodeIP}
+		"kubernetes", "kubernetes.default", "kubernetes.default.svc", "kubernetes.default.svc." + clusterDomain,
+		"localhost", "127.0.0.1", "::1", apiserverIP, serviceAPI, c.NodeName, hostname, c.NodeIP,
+	}, c.TLSSANs...)
+	etcdNames := []string{"localhost", "127.0.0.1", "::1", hostname, c.NodeIP}
 	for _, wanted := range []struct {
 		ca, base string
 		leaf     leaf

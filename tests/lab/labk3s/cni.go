@@ -3,16 +3,12 @@ package main
 import (
 	"encoding/json"
 	"net"
-
-	"github.com/vishvananda/netlink"
 )
-
-const bridgeName = "cni0"
 
 // cniConfig is this node's pod network: a bridge with addresses out of the
 // node's own range. The bridge plugin's masquerading is off: it would also
 // hide pods from pods of other nodes, and ROS nodes must see who calls them.
-func cniConfig(podCIDR string, mtu int) ([]byte, error) {
+func cniConfig(podCIDR string) ([]byte, error) {
 	if _, _, err := net.ParseCIDR(podCIDR); err != nil {
 		return nil, err
 	}
@@ -20,7 +16,7 @@ func cniConfig(podCIDR string, mtu int) ([]byte, error) {
 		"name": "cbr0", "cniVersion": "1.0.0",
 		"plugins": []any{
 			map[string]any{
-				"type": "bridge", "bridge": bridgeName, "mtu": mtu,
+				"type": "bridge", "bridge": "cni0",
 				"isGateway": true, "isDefaultGateway": true, "forceAddress": true,
 				"ipMasq": false, "hairpinMode": true,
 				"ipam": map[string]any{
@@ -31,24 +27,4 @@ func cniConfig(podCIDR string, mtu int) ([]byte, error) {
 			map[string]any{"type": "portmap", "capabilities": map[string]bool{"portMappings": true}, "snat": true},
 		},
 	}, "", "  ")
-}
-
-// defaultMTU is that of the interface towards the other nodes.
-func defaultMTU(nodeIP string) int {
-	links, err := netlink.LinkList()
-	if err != nil {
-		return 1500
-	}
-	for _, link := range links {
-		addrs, err := netlink.AddrList(link, netlink.FAMILY_V4)
-		if err != nil {
-			continue
-		}
-		for _, addr := range addrs {
-			if addr.IP.String() == nodeIP {
-				return link.Attrs().MTU
-			}
-		}
-	}
-	return 1500
 }

@@ -2,7 +2,6 @@ package main
 
 import (
 	"context"
-	"errors"
 	"os"
 
 	_ "k8s.io/client-go/plugin/pkg/client/auth"
@@ -47,13 +46,9 @@ func componentCommand(build func() *cobra.Command) func([]string) error {
 func kubectlCommand(args []string) error {
 	os.Args = append([]string{"kubectl"}, args...)
 	if os.Getenv("KUBECONFIG") == "" {
-		// Without a kubeconfig k3s leaves kubectl's own default in place,
-		// and so does a user without the right to read it.
-		if file, err := os.Open(etcDir + "/k3s.yaml"); err == nil {
-			file.Close()
-			os.Setenv("KUBECONFIG", etcDir+"/k3s.yaml")
-		} else if errors.Is(err, os.ErrPermission) {
-			logf("warning", "Unable to read %s/k3s.yaml, please start server with --write-kubeconfig-mode or --write-kubeconfig-group to modify kube config permissions", etcDir)
+		// Without a kubeconfig k3s leaves kubectl's own default in place.
+		if exists(kubeconfigFile) {
+			os.Setenv("KUBECONFIG", kubeconfigFile)
 		}
 	}
 	if _, err := logs.GlogSetter(kubectl.GetLogVerbosity(os.Args)); err != nil {

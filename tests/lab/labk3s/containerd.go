@@ -16,7 +16,7 @@ import (
 // startContainerd runs the host's containerd with a configuration of ours and
 // brings in the images that lie ready. Containers belong to their shims, which
 // outlive containerd and us: a restart of the service restarts no pod.
-func startContainerd(ctx context.Context, c *config, procs *processes, images *imageImporter) error {
+func startContainerd(ctx context.Context, c *config, procs *processes, images string) error {
 	program, err := exec.LookPath("containerd")
 	if err != nil {
 		return err
@@ -29,7 +29,7 @@ func startContainerd(ctx context.Context, c *config, procs *processes, images *i
 		return err
 	}
 	logFile := c.dataDir.agent("containerd", "containerd.log")
-	for _, dir := range []string{filepath.Dir(logFile), images.dir, c.dataDir.agent("etc", "cni", "net.d"), containerdState} {
+	for _, dir := range []string{filepath.Dir(logFile), images, c.dataDir.agent("etc", "cni", "net.d"), containerdState} {
 		if err := os.MkdirAll(dir, 0o755); err != nil {
 			return err
 		}
@@ -40,7 +40,7 @@ func startContainerd(ctx context.Context, c *config, procs *processes, images *i
 	if err := waitContainerd(ctx); err != nil {
 		return fmt.Errorf("containerd is not ready (its log is %s): %w", logFile, err)
 	}
-	images.start(ctx)
+	importImages(ctx, images)
 	return nil
 }
 
@@ -54,14 +54,14 @@ disabled_plugins = ["io.containerd.snapshotter.v1.aufs", "io.containerd.snapshot
   address = %q
 
 [plugins."io.containerd.grpc.v1.cri"]
-  sandbox_image = %q
+  sandbox_image = "rancher/mirrored-pause:3.6"
   enable_selinux = false
   restrict_oom_score_adj = true
   disable_hugetlb_controller = true
   tolerate_missing_hugetlb_controller = true
 
 [plugins."io.containerd.grpc.v1.cri".containerd]
-  snapshotter = %q
+  snapshotter = "overlayfs"
   disable_snapshot_annotations = true
 
 [plugins."io.containerd.grpc.v1.cri".containerd.runtimes.runc]
@@ -73,7 +73,7 @@ disabled_plugins = ["io.containerd.snapshotter.v1.aufs", "io.containerd.snapshot
 [plugins."io.containerd.grpc.v1.cri".cni]
   bin_dir = %q
   conf_dir = %q
-`, c.dataDir.agent("containerd"), containerdState, containerdSocket, c.pauseImage, c.snapshotter,
+`, c.dataDir.agent("containerd"), containerdState, containerdSocket,
 		cniBinDir, c.dataDir.agent("etc", "cni", "net.d"))
 }
 

@@ -2,7 +2,6 @@ package main
 
 import (
 	"context"
-	"fmt"
 	"os"
 	"strings"
 	"time"
@@ -15,10 +14,10 @@ import (
 func apiserverArgs(c *config) map[string]string {
 	tls := c.dataDir.tls
 	return map[string]string{
-		"advertise-address":                  c.advertise,
+		"advertise-address":                  c.NodeIP,
 		"allow-privileged":                   "true",
 		"anonymous-auth":                     "false",
-		"api-audiences":                      "https://kubernetes.default.svc." + c.clusterDomain + ",k3s",
+		"api-audiences":                      "https://kubernetes.default.svc." + clusterDomain + ",k3s",
 		"authorization-mode":                 "Node,RBAC",
 		"bind-address":                       apiserverIP,
 		"client-ca-file":                     tls("client-ca.crt"),
@@ -42,11 +41,10 @@ func apiserverArgs(c *config) map[string]string {
 		"requestheader-group-headers":        "X-Remote-Group",
 		"requestheader-username-headers":     "X-Remote-User",
 		"secure-port":                        apiPort,
-		"service-account-issuer":             "https://kubernetes.default.svc." + c.clusterDomain,
+		"service-account-issuer":             "https://kubernetes.default.svc." + clusterDomain,
 		"service-account-key-file":           tls("service.key"),
 		"service-account-signing-key-file":   tls("service.key"),
-		"service-cluster-ip-range":           c.serviceCIDR,
-		"service-node-port-range":            c.nodePorts,
+		"service-cluster-ip-range":           serviceCIDR,
 		"storage-backend":                    "etcd3",
 		"tls-cert-file":                      tls("serving-kube-apiserver.crt"),
 		"tls-private-key-file":               tls("serving-kube-apiserver.key"),
@@ -61,13 +59,13 @@ func controllerArgs(c *config) map[string]string {
 		"authentication-kubeconfig":        kubeconfig,
 		"authorization-kubeconfig":         kubeconfig,
 		"bind-address":                     "127.0.0.1",
-		"cluster-cidr":                     c.clusterCIDR,
+		"cluster-cidr":                     clusterCIDR,
 		"configure-cloud-routes":           "false",
 		"kubeconfig":                       kubeconfig,
 		"profiling":                        "false",
 		"root-ca-file":                     tls("server-ca.crt"),
 		"service-account-private-key-file": tls("service.key"),
-		"service-cluster-ip-range":         c.serviceCIDR,
+		"service-cluster-ip-range":         serviceCIDR,
 		"use-service-account-credentials":  "true",
 	}
 	for signer, ca := range map[string]string{
@@ -100,14 +98,10 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 			return err
 		}
 	}
-	args, err := mergeArgs(apiserverArgs(c), c.apiserverArgs)
-	if err != nil {
-		return fmt.Errorf("kube-apiserver-arg: %w", err)
-	}
 	if err := waitFree(ctx, 10257, 10259); err != nil {
 		return err
 	}
-	if err := procs.component("kube-apiserver", args); err != nil {
+	if err := procs.component("kube-apiserver", arguments(apiserverArgs(c))); err != nil {
 		return err
 	}
 	if err := waitReady(ctx, kube); err != nil {
@@ -115,18 +109,10 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 	}
 	ready()
 	dropOwnLeases(ctx, kube)
-	args, err = mergeArgs(controllerArgs(c), c.controllerArgs)
-	if err != nil {
-		return fmt.Errorf("kube-controller-manager-arg: %w", err)
-	}
-	if err := procs.component("kube-controller-manager", args); err != nil {
+	if err := procs.component("kube-controller-manager", arguments(controllerArgs(c))); err != nil {
 		return err
 	}
-	args, err = mergeArgs(schedulerArgs(c), c.schedulerArgs)
-	if err != nil {
-		return fmt.Errorf("kube-scheduler-arg: %w", err)
-	}
-	return procs.component("kube-scheduler", args)
+	return procs.component("kube-scheduler", arguments(schedulerArgs(c)))
 }
 
 // waitReady asks the API server itself, past the supervisor.

@@ -7,7 +7,6 @@ import (
 	"io"
 	"net/url"
 	"os"
-	"path/filepath"
 	"slices"
 	"strings"
 	"time"
@@ -30,7 +29,7 @@ const etcdLocal = "https://127.0.0.1:2379"
 // managed says whether the datastore is k3s's embedded etcd: asked for, or on
 // the disk already, as in k3s. A server without has SQLite in k3s.
 func (c *config) managed() bool {
-	return c.clusterInit || c.clusterReset || c.serverURL != "" || exists(c.dataDir.server("db", "etcd"))
+	return c.ClusterInit || c.clusterReset || c.ServerURL != "" || exists(c.dataDir.server("db", "etcd"))
 }
 
 // etcdDir is where the datastore's files are. Of a server that k3s would give
@@ -48,7 +47,7 @@ func (c *config) etcdDir(parts ...string) string {
 // etcd, and leaves the old database aside, as k3s does.
 func (c *config) takeOver() error {
 	old := c.dataDir.server("db", "state.db")
-	if !c.clusterInit || c.clusterReset || c.etcdInitialised() || !exists(old) {
+	if !c.ClusterInit || c.clusterReset || c.etcdInitialised() || !exists(old) {
 		return nil
 	}
 	logf("info", "Migrating content from sqlite to etcd")
@@ -61,7 +60,7 @@ func (c *config) takeOver() error {
 	return os.Rename(old, old+".migrated")
 }
 
-func (c *config) etcdPeer() string { return "https://" + c.nodeIP + ":2380" }
+func (c *config) etcdPeer() string { return "https://" + c.NodeIP + ":2380" }
 
 func (c *config) etcdInitialised() bool { return exists(c.etcdDir("member", "wal")) }
 
@@ -72,7 +71,7 @@ func (c *config) etcdName() (string, error) {
 	if content, err := os.ReadFile(path); err == nil {
 		return strings.TrimSpace(string(content)), nil
 	}
-	name := c.nodeName + "-" + randomHex(4)
+	name := c.NodeName + "-" + randomHex(4)
 	if err := os.MkdirAll(c.etcdDir(), 0o700); err != nil {
 		return "", err
 	}
@@ -82,7 +81,7 @@ func (c *config) etcdName() (string, error) {
 
 // startEtcd runs the datastore inside this process. initial is the cluster's
 // make-up and only read by a member without data.
-func startEtcd(ctx context.Context, c *config, initial string, joining, forceNew bool) (*embed.Etcd, error) {
+func startEtcd(ctx context.Context, c *config, initial string, joining bool) (*embed.Etcd, error) {
 	if err := c.takeOver(); err != nil {
 		return nil, fmt.Errorf("migrating to etcd: %w", err)
 	}
@@ -98,10 +97,9 @@ func startEtcd(ctx context.Context, c *config, initial string, joining, forceNew
 	cfg.Dir = c.etcdDir()
 	cfg.ListenPeerUrls = urls(c.etcdPeer())
 	cfg.AdvertisePeerUrls = cfg.ListenPeerUrls
-	cfg.ListenClientUrls = urls(etcdLocal, "https://"+c.nodeIP+":2379")
-	cfg.AdvertiseClientUrls = urls("https://" + c.nodeIP + ":2379")
+	cfg.ListenClientUrls = urls(etcdLocal, "https://"+c.NodeIP+":2379")
+	cfg.AdvertiseClientUrls = urls("https://" + c.NodeIP + ":2379")
 	cfg.InitialCluster = name + "=" + c.etcdPeer()
-	cfg.ForceNewCluster = forceNew
 	if joining {
 		cfg.InitialCluster, cfg.ClusterState = initial, embed.ClusterStateFlagExisting
 	}
@@ -237,12 +235,4 @@ func promote(ctx context.Context, c *config, server *embed.Etcd, endpoints []str
 		_, err := client.MemberPromote(call, id)
 		return false, err
 	})
-}
-
-// moveAside keeps what a restore replaces.
-func moveAside(path string) error {
-	if !exists(path) {
-		return nil
-	}
-	return os.Rename(path, fmt.Sprintf("%s-old-%d", filepath.Clean(path), time.Now().Unix()))
 }

@@ -10,16 +10,12 @@ import (
 	"time"
 
 	corev1 "k8s.io/api/core/v1"
-	storagev1 "k8s.io/api/storage/v1"
 	apierrors "k8s.io/apimachinery/pkg/api/errors"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
 	"k8s.io/apimachinery/pkg/labels"
 	"k8s.io/client-go/informers"
 	"k8s.io/client-go/kubernetes"
-	"k8s.io/client-go/kubernetes/scheme"
-	typedcorev1 "k8s.io/client-go/kubernetes/typed/core/v1"
 	"k8s.io/client-go/tools/cache"
-	"k8s.io/client-go/tools/record"
 )
 
 const (
@@ -37,15 +33,11 @@ func runProvisioner(ctx context.Context, c *config, kube kubernetes.Interface) {
 	factory := informers.NewSharedInformerFactory(kube, 0)
 	claims, classes := factory.Core().V1().PersistentVolumeClaims(), factory.Storage().V1().StorageClasses()
 	synced := []cache.InformerSynced{claims.Informer().HasSynced, classes.Informer().HasSynced}
-	broadcaster := record.NewBroadcaster()
-	broadcaster.StartRecordingToSink(&typedcorev1.EventSinkImpl{Interface: kube.CoreV1().Events("")})
-	defer broadcaster.Shutdown()
-	events := broadcaster.NewRecorder(scheme.Scheme, corev1.EventSource{Component: provisionerName})
 	factory.Start(ctx.Done())
 	if !cache.WaitForCacheSync(ctx.Done(), synced...) {
 		return
 	}
-	said := map[string]string{} // one event per claim and trouble
+	said := map[string]string{} // one line per claim and trouble
 	_ = poll(ctx, provisioningInterval, 0, func() (bool, error) {
 		all, err := claims.Lister().List(labels.Everything())
 		if err != nil {
@@ -59,7 +51,7 @@ func runProvisioner(ctx context.Context, c *config, kube kubernetes.Interface) {
 			if err != nil || class.Provisioner != provisionerName {
 				continue
 			}
-			volume, err := volumeFor(claim, class, c.storagePath)
+			volume, err := volumeFor(claim, class.Name, c.dataDir.storage())
 			if volume == nil && err == nil {
 				continue // no node chosen yet
 			}
@@ -68,11 +60,11 @@ func runProvisioner(ctx context.Context, c *config, kube kubernetes.Interface) {
 			}
 			switch {
 			case err == nil:
-				events.Eventf(claim, corev1.EventTypeNormal, "ProvisioningSucceeded", "Successfully provisioned volume %s", volume.Name)
+				logf("info", "Provisioned volume %s", volume.Name)
 			case apierrors.IsAlreadyExists(err) || ctx.Err() != nil:
 			case said[string(claim.UID)] != err.Error():
 				said[string(claim.UID)] = err.Error()
-				events.Eventf(claim, corev1.EventTypeWarning, "ProvisioningFailed", "failed to provision volume with StorageClass %q: %v", class.Name, err)
+				logf("error", "provisioning a volume for the claim %s/%s: %v", claim.Namespace, claim.Name, err)
 			}
 		}
 		return false, nil
@@ -80,31 +72,18 @@ func runProvisioner(ctx context.Context, c *config, kube kubernetes.Interface) {
 }
 
 // volumeFor is the volume that a claim gets, nil while it has to wait.
-func volumeFor(claim *corev1.PersistentVolumeClaim, class *storagev1.StorageClass, storage string) (*corev1.PersistentVolume, error) {
+func volumeFor(claim *corev1.PersistentVolumeClaim, class, storage string) (*corev1.PersistentVolume, error) {
 	node := claim.Annotations[selectedNode]
 	if node == "" {
-		if class.VolumeBindingMode == nil || *class.VolumeBindingMode != storagev1.VolumeBindingWaitForFirstConsumer {
-			return nil, fmt.Errorf("configuration error, no node was specified")
-		}
 		return nil, nil
-	}
-	if claim.Spec.Selector != nil {
-		return nil, fmt.Errorf("claim.Spec.Selector is not supported")
-	}
-	if claim.Spec.VolumeMode != nil && *claim.Spec.VolumeMode != corev1.PersistentVolumeFilesystem {
-		return nil, fmt.Errorf("block volumes are not supported")
 	}
 	for _, mode := range claim.Spec.AccessModes {
 		if !slices.Contains([]corev1.PersistentVolumeAccessMode{corev1.ReadWriteOnce, corev1.ReadWriteOncePod}, mode) {
 			return nil, fmt.Errorf("NodePath only supports ReadWriteOnce and ReadWriteOncePod (1.22+) access modes")
 		}
 	}
-	reclaim := corev1.PersistentVolumeReclaimDelete
-	if class.ReclaimPolicy != nil {
-		reclaim = *class.ReclaimPolicy
-	}
 	name := "pvc-" + string(claim.UID)
-	create, filesystem := corev1.HostPathDirectoryOrCreate, corev1.PersistentVolumeFilesystem
+	create := corev1.HostPathDirectoryOrCreate
 	return &corev1.PersistentVolume{
 		ObjectMeta: metav1.ObjectMeta{
 			Name: name,
@@ -114,11 +93,9 @@ func volumeFor(claim *corev1.PersistentVolumeClaim, class *storagev1.StorageClas
 			},
 		},
 		Spec: corev1.PersistentVolumeSpec{
-			PersistentVolumeReclaimPolicy: reclaim,
-			StorageClassName:              class.Name,
+			PersistentVolumeReclaimPolicy: corev1.PersistentVolumeReclaimDelete,
+			StorageClassName:              class,
 			AccessModes:                   claim.Spec.AccessModes,
-			VolumeMode:                    &filesystem,
-			MountOptions:                  class.MountOptions,
 			Capacity:                      corev1.ResourceList{corev1.ResourceStorage: claim.Spec.Resources.Requests[corev1.ResourceStorage]},
 			ClaimRef: &corev1.ObjectReference{
 				Kind: "PersistentVolumeClaim", APIVersion: "v1", Namespace: claim.Namespace, Name: claim.Name,
@@ -140,7 +117,7 @@ func volumeFor(claim *corev1.PersistentVolumeClaim, class *storagev1.StorageClas
 // runVolumes is the node's half: it makes the directory that a volume of this
 // node needs, open to any user as local-path's are, and removes directory and
 // volume once the claim is gone.
-func runVolumes(ctx context.Context, c *config, cluster *agentConfig, kube kubernetes.Interface) {
+func runVolumes(ctx context.Context, c *config, kube kubernetes.Interface) {
 	factory := informers.NewSharedInformerFactory(kube, 0)
 	volumes := factory.Core().V1().PersistentVolumes()
 	synced := volumes.Informer().HasSynced
@@ -154,10 +131,10 @@ func runVolumes(ctx context.Context, c *config, cluster *agentConfig, kube kuber
 			return false, err
 		}
 		for _, volume := range all {
-			if volumeNode(volume) != c.nodeName || volume.DeletionTimestamp != nil {
+			if volumeNode(volume) != c.NodeName || volume.DeletionTimestamp != nil {
 				continue
 			}
-			if err := tendVolume(ctx, volume, cluster.StoragePath, kube); err != nil && ctx.Err() == nil {
+			if err := tendVolume(ctx, volume, c.dataDir.storage(), kube); err != nil && ctx.Err() == nil {
 				logf("warning", "volume %s: %v", volume.Name, err)
 			}
 		}
@@ -183,9 +160,6 @@ func tendVolume(ctx context.Context, volume *corev1.PersistentVolume, storage st
 	}
 	switch volume.Status.Phase {
 	case corev1.VolumeReleased:
-		if volume.Spec.PersistentVolumeReclaimPolicy != corev1.PersistentVolumeReclaimDelete {
-			return nil
-		}
 		if err := os.RemoveAll(path); err != nil {
 			return err
 		}

@@ -22,7 +22,7 @@ import (
 
 const etcdNameAnnotation = "etcd.k3s.cattle.io/node-name"
 
-// runNodeController keeps what follows from the list of nodes: the roles of
+// runNodeController keeps what follows from the list of nodes: the role of
 // this server's own node, the nodes' names in the cluster's DNS, and, when a
 // node is deleted, the end of its password and of its etcd member.
 func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface, etcd *clientv3.Client) {
@@ -60,7 +60,7 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 			all, listErr := nodes.Lister().List(labels.Everything())
 			err = listErr
 			for _, node := range all {
-				if err == nil && node.Name == c.nodeName {
+				if err == nil && node.Name == c.NodeName {
 					err = markServer(ctx, c, node, kube)
 				}
 			}
@@ -75,37 +75,21 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 	}
 }
 
-// markServer gives this server's node its roles.
+// markServer gives this server's node its role, and the name of its etcd member.
 func markServer(ctx context.Context, c *config, node *corev1.Node, kube kubernetes.Interface) error {
-	roles := []string{"control-plane"}
-	annotations := map[string]string{}
+	const role = "node-role.kubernetes.io/control-plane"
+	member := ""
 	if c.managed() {
-		roles = append(roles, "etcd")
-		name, err := c.etcdName()
-		if err != nil {
+		var err error
+		if member, err = c.etcdName(); err != nil {
 			return err
 		}
-		annotations[etcdNameAnnotation] = name
 	}
-	wanted := map[string]string{}
-	for _, role := range roles {
-		if key := "node-role.kubernetes.io/" + role; node.Labels[key] != "true" {
-			wanted[key] = "true"
-		}
-	}
-	for key, value := range annotations {
-		if node.Annotations[key] == value {
-			delete(annotations, key)
-		}
-	}
-	if len(wanted) == 0 && len(annotations) == 0 {
+	if node.Labels[role] == "true" && node.Annotations[etcdNameAnnotation] == member {
 		return nil
 	}
-	patch, err := json.Marshal(map[string]any{"metadata": map[string]any{"labels": wanted, "annotations": annotations}})
-	if err != nil {
-		return err
-	}
-	_, err = kube.CoreV1().Nodes().Patch(ctx, node.Name, types.MergePatchType, patch, metav1.PatchOptions{})
+	patch := fmt.Sprintf(`{"metadata":{"labels":{%q:"true"},"annotations":{%q:%q}}}`, role, etcdNameAnnotation, member)
+	_, err := kube.CoreV1().Nodes().Patch(ctx, node.Name, types.MergePatchType, []byte(patch), metav1.PatchOptions{})
 	return err
 }
 

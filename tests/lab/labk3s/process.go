@@ -202,23 +202,6 @@ func poll(ctx context.Context, every, limit time.Duration, check func() (bool, e
 	}
 }
 
-// lockDir keeps a second labk3s out: the API's port may be shared by two
-// processes here, so nothing else would stop it.
-func lockDir(path string) (*os.File, error) {
-	if err := os.MkdirAll(filepath.Dir(path), 0o755); err != nil {
-		return nil, err
-	}
-	file, err := os.OpenFile(path, os.O_CREATE|os.O_RDWR|syscall.O_CLOEXEC, 0o600)
-	if err != nil {
-		return nil, err
-	}
-	if err := syscall.Flock(int(file.Fd()), syscall.LOCK_EX|syscall.LOCK_NB); err != nil {
-		file.Close()
-		return nil, fmt.Errorf("another k3s is running (it holds %s)", path)
-	}
-	return file, nil
-}
-
 // notify tells systemd a state, where it asked to be told.
 func notify(state string) {
 	if _, err := daemon.SdNotify(false, state); err != nil {

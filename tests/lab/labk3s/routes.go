@@ -23,7 +23,7 @@ const routeProtocol = 0x6b
 
 // runRoutes keeps the way to the other nodes' pods open: one route per node,
 // as flannel's host-gw has it, and the masquerading of what leaves the cluster.
-func runRoutes(ctx context.Context, c *config, cluster *agentConfig, kube kubernetes.Interface) {
+func runRoutes(ctx context.Context, c *config, kube kubernetes.Interface) {
 	factory := informers.NewSharedInformerFactory(kube, 0)
 	nodes := factory.Core().V1().Nodes()
 	changed := make(chan struct{}, 1)
@@ -62,9 +62,9 @@ func runRoutes(ctx context.Context, c *config, cluster *agentConfig, kube kubern
 		case <-changed:
 		case <-tick.C:
 		}
-		err := syncNetwork(c, cluster, nodes.Lister())
+		err := syncNetwork(c, nodes.Lister())
 		if err == nil && n%15 == 0 {
-			err = syncFirewall(cluster.ClusterCIDR)
+			err = syncFirewall()
 		}
 		n++
 		if text := fmt.Sprint(err); err != nil && text != said {
@@ -76,16 +76,16 @@ func runRoutes(ctx context.Context, c *config, cluster *agentConfig, kube kubern
 	}
 }
 
-func syncNetwork(c *config, cluster *agentConfig, lister listers.NodeLister) error {
+func syncNetwork(c *config, lister listers.NodeLister) error {
 	nodes, err := lister.List(labels.Everything())
 	if err != nil {
 		return err
 	}
 	for _, node := range nodes {
-		if node.Name != c.nodeName || node.Spec.PodCIDR == "" {
+		if node.Name != c.NodeName || node.Spec.PodCIDR == "" {
 			continue
 		}
-		content, err := cniConfig(node.Spec.PodCIDR, defaultMTU(c.nodeIP))
+		content, err := cniConfig(node.Spec.PodCIDR)
 		if err != nil {
 			return err
 		}
@@ -97,7 +97,7 @@ func syncNetwork(c *config, cluster *agentConfig, lister listers.NodeLister) err
 			logf("info", "Pod network of this node is %s", node.Spec.PodCIDR)
 		}
 	}
-	return applyRoutes(wantedRoutes(nodes, c.nodeName), cluster.ClusterCIDR)
+	return applyRoutes(wantedRoutes(nodes, c.NodeName))
 }
 
 // wantedRoutes says, per network of pods on another node, the way there.
@@ -120,7 +120,7 @@ func nodeAddress(node *corev1.Node) string {
 	return ""
 }
 
-func applyRoutes(wanted map[string]string, clusterCIDR string) error {
+func applyRoutes(wanted map[string]string) error {
 	_, pods, err := net.ParseCIDR(clusterCIDR)
 	if err != nil {
 		return err
@@ -164,7 +164,7 @@ const (
 
 // syncFirewall hides pods from the outside only, and lets their traffic pass
 // on hosts that forward nothing by default.
-func syncFirewall(clusterCIDR string) error {
+func syncFirewall() error {
 	tables := iptables.New(iptables.ProtocolIPv4)
 	for _, r := range []struct {
 		table       iptables.Table

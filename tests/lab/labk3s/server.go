@@ -6,16 +6,16 @@ import (
 	"fmt"
 	"os"
 	"os/signal"
+	"strings"
 	"syscall"
 	"time"
 
 	"go.etcd.io/etcd/server/v3/embed"
-	"k8s.io/client-go/dynamic"
 	"k8s.io/client-go/kubernetes"
 )
 
 func serverCommand(args []string) error {
-	c, err := loadConfig("server", args, os.Environ())
+	c, err := loadConfig(true, configFile, args)
 	if err != nil {
 		return err
 	}
@@ -25,14 +25,9 @@ func serverCommand(args []string) error {
 	if err := os.MkdirAll(c.dataDir.server(), 0o700); err != nil {
 		return err
 	}
-	lock, err := lockDir(c.dataDir.server(".lock"))
-	if err != nil {
-		return err
-	}
-	defer lock.Close()
 	logf("info", "Starting k3s %s", version)
 	if c.clusterReset {
-		return clusterReset(ctx, c)
+		return clusterReset(c)
 	}
 	err = runServer(ctx, c)
 	if errors.Is(err, context.Canceled) && ctx.Err() != nil {
@@ -51,10 +46,6 @@ func runServer(ctx context.Context, c *config) error {
 		return err
 	}
 	if err := serverLeaves(c, cas); err != nil {
-		return err
-	}
-	// A normal start ends what a cluster reset began.
-	if err := os.Remove(c.resetFlag()); err != nil && !errors.Is(err, os.ErrNotExist) {
 		return err
 	}
 	agentSecret, err := writeTokens(c, cas, secret)
@@ -84,7 +75,7 @@ func runServer(ctx context.Context, c *config) error {
 		return runAgent(run, c, procs, own, nil)
 	})
 	guard("server", func() error {
-		server, err := startDatastore(run, c, s, secret)
+		server, err := startDatastore(run, c, s)
 		if server != nil {
 			etcd <- server
 		}
@@ -117,6 +108,8 @@ func runServer(ctx context.Context, c *config) error {
 
 // prepareServer settles the token and, for a server that joins, fetches what
 // all servers share.
+var errOtherToken = errors.New("bootstrap data already found and encrypted with different token")
+
 func prepareServer(ctx context.Context, c *config) (string, error) {
 	stored := ""
 	if content, err := os.ReadFile(c.dataDir.server("token")); err == nil {
@@ -141,7 +134,7 @@ func prepareServer(ctx context.Context, c *config) (string, error) {
 	if secret == "" {
 		secret = randomHex(16)
 	}
-	if c.serverURL == "" || c.etcdInitialised() {
+	if c.ServerURL == "" || c.etcdInitialised() {
 		if ca, err := os.ReadFile(c.dataDir.tls("server-ca.crt")); err == nil {
 			if err := given.verifyCA(ca); err != nil {
 				return "", err
@@ -162,19 +155,35 @@ func prepareServer(ctx context.Context, c *config) (string, error) {
 }
 
 func fetchBootstrap(ctx context.Context, c *config, t token) error {
-	j, err := newJoiner(ctx, c.serverURL, t, nil)
+	j, err := newJoiner(ctx, c.ServerURL, t, nil)
 	if err != nil {
 		return err
 	}
-	b := bootstrap{}
-	if err := j.getJSON(ctx, "/v1-k3s/server-bootstrap", &b); err != nil {
+	shared := map[string]string{}
+	if err := j.getJSON(ctx, "/v1-k3s/server-bootstrap", &shared); err != nil {
 		return err
 	}
-	changed, err := b.write(c.dataDir)
-	if changed {
-		logf("info", "Took over the cluster's certificate authorities from %s", c.serverURL)
+	for _, name := range sharedFiles() {
+		mode := os.FileMode(0o600)
+		if strings.HasSuffix(name, ".crt") {
+			mode = 0o644
+		}
+		if _, err := writeFile(c.dataDir.tls(name), []byte(shared[name]), mode); err != nil {
+			return err
+		}
 	}
-	return err
+	logf("info", "Took over the cluster's certificate authorities from %s", c.ServerURL)
+	return nil
+}
+
+// sharedFiles are what all servers of a cluster have, below server/tls: one
+// that joins gets them from the one that it joins.
+func sharedFiles() []string {
+	files := []string{"service.key"}
+	for _, ca := range caNames {
+		files = append(files, ca+".crt", ca+".key")
+	}
+	return files
 }
 
 // writeTokens writes the token files as k3s does and returns the secret that
@@ -217,17 +226,16 @@ func relink(target, path string) error {
 	return os.Symlink(target, path)
 }
 
-// startDatastore starts or joins etcd and settles that this server and the
-// datastore belong together.
-func startDatastore(ctx context.Context, c *config, s *supervisor, secret string) (*embed.Etcd, error) {
-	initial, joining := "", c.serverURL != "" && !c.etcdInitialised()
+// startDatastore starts or joins etcd.
+func startDatastore(ctx context.Context, c *config, s *supervisor) (*embed.Etcd, error) {
+	initial, joining := "", c.ServerURL != "" && !c.etcdInitialised()
 	if joining {
 		t, err := parseToken(c.token, "server")
 		if err != nil {
 			return nil, err
 		}
 		err = poll(ctx, time.Second, 0, func() (bool, error) {
-			j, err := newJoiner(ctx, c.serverURL, t, nil)
+			j, err := newJoiner(ctx, c.ServerURL, t, nil)
 			var endpoints []string
 			if err == nil {
 				err = j.getJSON(ctx, "/v1-k3s/etcd-endpoints", &endpoints)
@@ -246,27 +254,14 @@ func startDatastore(ctx context.Context, c *config, s *supervisor, secret string
 			return nil, err
 		}
 	}
-	server, err := startEtcd(ctx, c, initial, joining, false)
+	server, err := startEtcd(ctx, c, initial, joining)
 	if err != nil {
 		return nil, err
 	}
 	if err := promote(ctx, c, server, peersOf(server)); err != nil {
 		return server, fmt.Errorf("promoting this etcd member: %w", err)
 	}
-	if s.etcd, err = c.etcdClient(etcdLocal); err != nil {
-		return server, err
-	}
-	stored, err := loadBootstrap(ctx, s.etcd, secret)
-	switch {
-	case err != nil:
-		return server, fmt.Errorf("starting kubernetes: preparing server: %w", err)
-	case stored == nil:
-		return server, saveBootstrap(ctx, s.etcd, c.dataDir, secret)
-	}
-	changed, err := stored.write(c.dataDir)
-	if err == nil && changed {
-		err = errors.New("replaced the certificate authorities on disk with the datastore's; starting again")
-	}
+	s.etcd, err = c.etcdClient(etcdLocal)
 	return server, err
 }
 
@@ -286,10 +281,10 @@ func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) e
 		return err
 	}
 	admin := c.dataDir.tls("client-admin")
-	if err := writeKubeconfig(c.kubeconfig, "https://127.0.0.1:"+apiPort, c.dataDir.tls("server-ca.crt"), admin, true, c.kubeconfigMode); err != nil {
+	if err := writeKubeconfig(kubeconfigFile, "https://127.0.0.1:"+apiPort, c.dataDir.tls("server-ca.crt"), admin, true, c.kubeconfigMode); err != nil {
 		return err
 	}
-	logf("info", "Wrote kubeconfig %s", c.kubeconfig)
+	logf("info", "Wrote kubeconfig %s", kubeconfigFile)
 	err := startControlPlane(ctx, c, procs, s.kube, func() {
 		s.apiReady.Store(true)
 		logf("info", "Kube API server is now running")
@@ -299,12 +294,7 @@ func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) e
 	if err != nil {
 		return err
 	}
-	rest := restConfig(apiserverURL, c.dataDir.tls("server-ca.crt"), c.dataDir.tls("client-supervisor"))
-	dyn, err := dynamic.NewForConfig(rest)
-	if err != nil {
-		return err
-	}
-	go newDeployer(c, s.kube, dyn).run(ctx)
+	go applyPackaged(ctx, c)
 	go runNodeController(ctx, c, s.kube, s.etcd)
 	go runProvisioner(ctx, c, s.kube)
 	return nil

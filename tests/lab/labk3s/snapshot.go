@@ -3,11 +3,11 @@ package main
 import (
 	"context"
 	"errors"
+	"flag"
 	"fmt"
 	"os"
 	"os/signal"
 	"path/filepath"
-	"slices"
 	"strings"
 	"syscall"
 	"time"
@@ -22,14 +22,14 @@ func snapshotCommand(args []string) error {
 	if len(args) == 0 || args[0] != "save" {
 		return fmt.Errorf("labk3s lacks `k3s etcd-snapshot %s` (it has save)", strings.Join(args, " "))
 	}
-	flags := slices.Clone(args[1:])
-	for i, flag := range flags {
-		if flag == "--name" { // short for the option of k3s
-			flags[i] = "--etcd-snapshot-name"
-		}
-	}
-	c, err := loadConfig("server", flags, os.Environ())
+	c, err := loadConfig(true, configFile, nil)
 	if err != nil {
+		return err
+	}
+	flags := flag.NewFlagSet("k3s etcd-snapshot save", flag.ContinueOnError)
+	name := flags.String("name", "on-demand", "")
+	dir := flags.String("etcd-snapshot-dir", c.dataDir.server("db", "snapshots"), "")
+	if err := flags.Parse(args[1:]); err != nil {
 		return err
 	}
 	if !c.managed() {
@@ -37,19 +37,18 @@ func snapshotCommand(args []string) error {
 	}
 	ctx, stop := signal.NotifyContext(context.Background(), syscall.SIGTERM, syscall.SIGINT)
 	defer stop()
-	return saveSnapshot(ctx, c)
+	return saveSnapshot(ctx, c, *name, *dir)
 }
 
-func saveSnapshot(ctx context.Context, c *config) error {
+func saveSnapshot(ctx context.Context, c *config, name, dir string) error {
 	cfg, err := c.etcdClientConfig(etcdLocal)
 	if err != nil {
 		return fmt.Errorf("is this a running server? %w", err)
 	}
-	if err := os.MkdirAll(c.snapshotDir, 0o700); err != nil {
+	if err := os.MkdirAll(dir, 0o700); err != nil {
 		return err
 	}
-	name := fmt.Sprintf("%s-%s-%d", c.snapshotName, c.nodeName, time.Now().Unix())
-	path := filepath.Join(c.snapshotDir, name)
+	path := filepath.Join(dir, fmt.Sprintf("%s-%s-%d", name, c.NodeName, time.Now().Unix()))
 	ctx, cancel := context.WithTimeout(ctx, 2*time.Minute)
 	defer cancel()
 	if _, err := snapshot.NewV3(zap.NewNop()).Save(ctx, cfg, path); err != nil {
@@ -58,68 +57,15 @@ func saveSnapshot(ctx context.Context, c *config) error {
 	if err := os.Chmod(path, 0o600); err != nil {
 		return err
 	}
-	logf("info", "Snapshot %s saved.", name)
+	logf("info", "Snapshot %s saved.", path)
 	return nil
 }
 
-// resetFlag keeps a service that was left with --cluster-reset in its
-// configuration from resetting its cluster over and over.
-func (c *config) resetFlag() string { return c.dataDir.server("db", "reset-flag") }
-
 // clusterReset is `k3s server --cluster-reset`: it leaves a cluster of this
-// one server, with the data it has or with a snapshot's, and ends.
-func clusterReset(ctx context.Context, c *config) error {
-	flag := c.resetFlag()
-	if exists(flag) {
-		return fmt.Errorf("Managed etcd cluster membership was previously reset, please remove the cluster-reset flag and start k3s normally. "+
-			"If you need to perform another cluster reset, you must first manually delete the file at %s", flag)
-	}
-	secret, err := prepareServer(ctx, c)
-	if err != nil {
-		return err
-	}
-	if c.resetRestore != "" {
-		if err := restoreSnapshot(c); err != nil {
-			return err
-		}
-	} else if !c.etcdInitialised() {
-		return errors.New("there is no etcd data on this server to reset to; give --cluster-reset-restore-path")
-	}
-	cas, err := ensureCAs(c.dataDir)
-	if err != nil {
-		return err
-	}
-	if err := serverLeaves(c, cas); err != nil {
-		return err
-	}
-	server, err := startEtcd(ctx, c, "", false, true)
-	if err != nil {
-		return err
-	}
-	defer server.Close()
-	client, err := c.etcdClient(etcdLocal)
-	if err != nil {
-		return err
-	}
-	defer client.Close()
-	// The data's own authorities: on an empty host those made above are
-	// nobody's.
-	stored, err := loadBootstrap(ctx, client, secret)
-	if err != nil {
-		return err
-	}
-	if stored != nil {
-		if _, err := stored.write(c.dataDir); err != nil {
-			return err
-		}
-	}
-	if cas, err = ensureCAs(c.dataDir); err != nil {
-		return err
-	}
-	if _, err := writeTokens(c, cas, secret); err != nil {
-		return err
-	}
-	if _, err := writeFile(flag, nil, 0o600); err != nil {
+// one server with a snapshot's data, and ends. The data that was there is kept
+// beside it.
+func clusterReset(c *config) error {
+	if err := restoreSnapshot(c); err != nil {
 		return err
 	}
 	logf("info", "Managed etcd cluster membership has been reset, restart without --cluster-reset flag now. "+
@@ -149,7 +95,8 @@ func restoreSnapshot(c *config) error {
 	if err != nil {
 		return fmt.Errorf("restoring %s: %w", path, err)
 	}
-	if err := moveAside(c.etcdDir()); err != nil {
+	aside := fmt.Sprintf("%s-old-%d", c.etcdDir(), time.Now().Unix())
+	if err := os.Rename(c.etcdDir(), aside); err != nil && !errors.Is(err, os.ErrNotExist) {
 		return err
 	}
 	if err := os.Rename(restored, c.etcdDir()); err != nil {

@@ -50,15 +50,6 @@ type supervisor struct {
 	apiReady    atomic.Bool
 }
 
-// agentConfig is what an agent takes over from its server.
-type agentConfig struct {
-	ClusterCIDR   string `json:"clusterCIDR"`
-	ClusterDNS    string `json:"clusterDNS"`
-	ClusterDomain string `json:"clusterDomain"`
-	NoKubeProxy   bool   `json:"disableKubeProxy"`
-	StoragePath   string `json:"storagePath"`
-}
-
 const (
 	nodeNameHeader     = "K3s-Node-Name"
 	nodePasswordHeader = "K3s-Node-Password"
@@ -150,7 +141,6 @@ func (s *supervisor) handler() (http.Handler, error) {
 	mux.HandleFunc("GET /cacerts", s.serveCA("server-ca"))
 	node := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "node", "server") }
 	server := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "server") }
-	mux.HandleFunc("GET /v1-k3s/config", node(s.serveConfig))
 	mux.HandleFunc("GET /v1-k3s/client-ca.crt", node(s.serveCA("client-ca")))
 	mux.HandleFunc("GET /v1-k3s/apiservers", node(s.serveAPIServers))
 	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.signForNode("server-ca", func(name, ip string) leaf {
@@ -293,18 +283,11 @@ func (s *supervisor) serveCA(name string) http.HandlerFunc {
 	}
 }
 
-func (s *supervisor) serveConfig(w http.ResponseWriter, _ *http.Request) {
-	writeJSON(w, agentConfig{
-		ClusterCIDR: s.config.clusterCIDR, ClusterDNS: s.config.clusterDNS, ClusterDomain: s.config.clusterDomain,
-		NoKubeProxy: s.config.noKubeProxy, StoragePath: s.config.storagePath,
-	})
-}
-
 // serveAPIServers lists where the API can be reached, for the agents' load
 // balancers.
 func (s *supervisor) serveAPIServers(w http.ResponseWriter, r *http.Request) {
 	if !s.apiReady.Load() {
-		writeJSON(w, []string{net.JoinHostPort(s.config.advertise, apiPort)})
+		writeJSON(w, []string{net.JoinHostPort(s.config.NodeIP, apiPort)})
 		return
 	}
 	servers, err := apiServers(r.Context(), s.kube)
@@ -355,12 +338,16 @@ func (s *supervisor) signForNode(ca string, subject func(name, ip string) leaf) 
 }
 
 func (s *supervisor) serveBootstrap(w http.ResponseWriter, _ *http.Request) {
-	b, err := readBootstrap(s.config.dataDir)
-	if err != nil {
-		http.Error(w, err.Error(), http.StatusInternalServerError)
-		return
+	shared := map[string]string{}
+	for _, name := range sharedFiles() {
+		content, err := os.ReadFile(s.config.dataDir.tls(name))
+		if err != nil {
+			http.Error(w, err.Error(), http.StatusInternalServerError)
+			return
+		}
+		shared[name] = string(content)
 	}
-	writeJSON(w, b)
+	writeJSON(w, shared)
 }
 
 func (s *supervisor) serveEtcdEndpoints(w http.ResponseWriter, r *http.Request) {
@@ -415,7 +402,7 @@ func apiServers(ctx context.Context, kube kubernetes.Interface) ([]string, error
 // ensureNodePassword remembers a node's password when the node first comes,
 // and refuses everybody else who comes under its name.
 func ensureNodePassword(ctx context.Context, kube kubernetes.Interface, node, password string) error {
-	name := nodePasswordSecret(node)
+	name, hash := nodePasswordSecret(node), hashCA([]byte(password)) // of 16 random bytes
 	secrets := kube.CoreV1().Secrets(metav1.NamespaceSystem)
 	existing, err := secrets.Get(ctx, name, metav1.GetOptions{})
 	if apierrors.IsNotFound(err) {
@@ -423,7 +410,7 @@ func ensureNodePassword(ctx context.Context, kube kubernetes.Interface, node, pa
 		_, err = secrets.Create(ctx, &corev1.Secret{
 			ObjectMeta: metav1.ObjectMeta{Name: name},
 			Immutable:  &immutable,
-			Data:       map[string][]byte{"hash": []byte(hashPassword(password, randomHex(16)))},
+			Data:       map[string][]byte{"hash": []byte(hash)},
 		}, metav1.CreateOptions{})
 		if apierrors.IsAlreadyExists(err) {
 			return ensureNodePassword(ctx, kube, node, password)
@@ -433,20 +420,13 @@ func ensureNodePassword(ctx context.Context, kube kubernetes.Interface, node, pa
 	if err != nil {
 		return err
 	}
-	stored := string(existing.Data["hash"])
-	salt, _, _ := strings.Cut(strings.TrimPrefix(stored, "$lab:"), ":")
-	if !same(stored, hashPassword(password, salt)) {
+	if !same(string(existing.Data["hash"]), hash) {
 		return errNodePassword
 	}
 	return nil
 }
 
 func nodePasswordSecret(node string) string { return node + ".node-password.k3s" }
-
-// hashPassword need not be slow: node passwords are 16 random bytes.
-func hashPassword(password, salt string) string {
-	return "$lab:" + salt + ":" + hashCA([]byte(salt+":"+password))
-}
 
 // nodePassword is this host's, made once.
 func nodePassword() (string, error) {

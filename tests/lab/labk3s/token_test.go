@@ -38,19 +38,3 @@ func TestToken(t *testing.T) {
 		}
 	}
 }
-
-func TestBootstrapSeal(t *testing.T) {
-	sealed, err := seal([]byte("keys"), "secret")
-	if err != nil {
-		t.Fatal(err)
-	}
-	if strings.Contains(string(sealed), "keys") {
-		t.Error("the bootstrap data lies open")
-	}
-	if plain, err := unseal(sealed, "secret"); err != nil || string(plain) != "keys" {
-		t.Errorf("got %q, %v", plain, err)
-	}
-	if _, err := unseal(sealed, "other"); err == nil {
-		t.Error("another token opened the bootstrap data")
-	}
-}

@@ -122,10 +122,15 @@ def test_the_datastore_of_just_before_goes_back_with_a_server_that_is_alone(
 
 
 def test_what_nobody_has_proven_is_proven_without_a_restart(host: Host) -> None:
-    host.unproven, host.staged = True, ""
+    host.unproven, host.staged = True, "v1.36.0+lab1"  # left over, and not asked for
     found = host.change(plan={"restart": False, "binary": False, "write": []})
     assert found["outcome"]["outcome"] == "updated"
     assert host.asked == ["staged", "staged", "proven"]
+
+
+def test_what_an_unproven_change_came_from_is_no_step_back(host: Host) -> None:
+    host.unproven, host.staged = True, OLD
+    assert host.change(plan={"version": "v1.34.3+lab1"})["outcome"]["outcome"] == "updated"
 
 
 def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:

@@ -115,6 +115,7 @@ def test_a_limited_copy_checks_the_host_s_key_as_every_other_task_does() -> None
     assert ActionHost(action(missing=""), {}).copy("/a.tar", "/room/a.tar", "2m") == {"changed": True}
     ((_name, given),) = Other.made
     assert (given["task"].args["verify_host"], given["task"].args["use_ssh_args"]) == (True, True)
+    assert given["task"].args["rsync_opts"] == ["--bwlimit=2m", "--chmod=F600"]  # nobody else's to read
 
 
 def test_a_rate_limit_needs_a_collection() -> None:

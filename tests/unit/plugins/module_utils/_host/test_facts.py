@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host, K3sHost
 
 
 def tree(tmp_path: Path, files: dict[str, str]) -> Host:
@@ -140,9 +140,12 @@ def test_leftovers_of_a_member(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_the_board_ends_with_no_zero_byte(tmp_path: Path) -> None:
-    host = tree(tmp_path, {"/proc/device-tree/model": "Raspberry Pi 4 Model B Rev 1.4\0"})
-    assert _host_facts.system(host)["board"] == "Raspberry Pi 4 Model B Rev 1.4"
+def test_what_the_system_says_of_itself(tmp_path: Path) -> None:
+    told = "NAME=Other\nPRETTY_NAME=\"Debian GNU/Linux 12 (bookworm)\"\nID=debian\nVERSION_ID='12'\n"
+    model = "Raspberry Pi 4 Model B Rev 1.4\0"  # which ends with a zero byte
+    found = _host_facts.system(tree(tmp_path, {"/etc/os-release": told, "/proc/device-tree/model": model}))
+    assert found["os"] == {"id": "debian", "name": "Debian GNU/Linux 12 (bookworm)"}
+    assert found["board"] == "Raspberry Pi 4 Model B Rev 1.4"
 
 
 def test_ports_are_open_or_refuse() -> None:
@@ -170,13 +173,19 @@ def test_silence_and_other_ends(monkeypatch: pytest.MonkeyPatch, raised: OSError
 # ---- between pods and their network
 
 
-def test_firewalls_that_are_on(tmp_path: Path) -> None:
-    off = tree(tmp_path / "off", {"/etc/ufw/ufw.conf": "# ENABLED=yes\nENABLED=no\n", "/proc/7/comm": "python3\n",
-                                  "/proc/7/cmdline": "python3\0/usr/bin/other\0"})  # fmt: skip
-    assert _host_facts.firewalls(off) == []
-    both = tree(tmp_path / "on", {"/etc/ufw/ufw.conf": "ENABLED=yes\n", "/proc/7/comm": "python3\n",
-                                  "/proc/7/cmdline": "/usr/bin/python3\0-s\0/usr/sbin/firewalld\0"})  # fmt: skip
-    assert _host_facts.firewalls(both) == ["ufw", "firewalld"]
+SERVICE = "system.slice/firewalld.service/cgroup.procs"
+
+
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        ({"/etc/ufw/ufw.conf": "# ENABLED=yes\nENABLED=no\n"}, []),
+        ({"/etc/ufw/ufw.conf": "ENABLED=yes\n", f"/sys/fs/cgroup/{SERVICE}": ""}, ["ufw", "firewalld"]),
+        ({f"/sys/fs/cgroup/systemd/{SERVICE}": ""}, ["firewalld"]),
+    ],
+)
+def test_firewalls_that_are_on(tmp_path: Path, files: dict[str, str], found: list[str]) -> None:
+    assert _host_facts.firewalls(tree(tmp_path, files)) == found
 
 
 def test_selinux(tmp_path: Path) -> None:
@@ -194,3 +203,29 @@ def test_modules(tmp_path: Path) -> None:
     assert _host_facts.lacking(host, "6.1") == ["vxlan"]
     assert _host_facts.lacking(host, "6.2") == []  # a container has no list of its host's
     assert _host_facts.lacking(tree(tmp_path, {"/sys/module/vxlan/refcnt": "0"}), "6.1") == []
+
+
+# ---- what k3s is there
+
+AGENT = {"role": "agent", "files": [], "token": "", "agent_token": "", "servers": []}
+
+
+@pytest.mark.parametrize(("role", "path", "etcd"), [
+    ("server", "db/etcd", True), ("server", "db/state.db", False), ("agent", "db/etcd", False),
+])  # fmt: skip
+def test_which_datastore_a_server_has(tmp_path: Path, role: str, path: str, etcd: bool) -> None:
+    (tmp_path / "var/lib/rancher/k3s/server" / path).mkdir(parents=True)
+    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
+    found = _host_facts.k3s_facts(host, {**AGENT, "role": role})
+    assert (found["etcd"], found["data"]) == (etcd, role == "server")
+
+
+@pytest.mark.parametrize(("state", "restarts", "ready"), [
+    ("active", 0, True), ("active", 9, True), ("activating", 9, False), ("failed", 0, False),
+])  # fmt: skip
+def test_what_runs_now_is_ready_however_often_it_was_started_before(
+    tmp_path: Path, state: str, restarts: int, ready: bool
+) -> None:
+    shown = f"LoadState=loaded\nActiveState={state}\nSubState=running\nNRestarts={restarts}\n"
+    host = K3sHost(lambda argv: (0, shown if "show" in argv else "", ""), str(tmp_path))
+    assert _host_facts.k3s_facts(host, AGENT)["ready"] is ready

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tokens, unit states and readiness of k3s, without k3s."""
+"""Tokens, unit states, readiness and the binary of k3s, without k3s."""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s as _k3s
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import K3sHost
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import K3sHost, fetch, listed_sum, proxies
 
 HASH = "a" * 64
 FULL = f"K10{HASH}::server:s3cret"
@@ -129,18 +132,17 @@ def test_a_member_waits_for_its_node_and_its_vote() -> None:
 
 
 def test_stale_compares_with_what_the_unit_wrote_down(tmp_path: Path) -> None:
-    config = tmp_path / "etc/rancher/k3s/config.yaml"
-    config.parent.mkdir(parents=True)
-    config.write_text("a: 1\n")
     names = ["/etc/rancher/k3s/config.yaml", "/etc/rancher/k3s/registries.yaml"]
-    host = K3sHost(Commands({}), str(tmp_path))
+    stat = Commands(
+        {"stat -c %n %i %s %Y /etc/rancher/k3s/config.yaml": (1, f"{names[0]} 7 5 1700000000\n", "no such")}
+    )
+    host = K3sHost(stat, str(tmp_path))
     assert host.stale("k3s", names)  # nothing written down: nothing is known
-    stat = config.stat()
     record = tmp_path / "run/rosops-fleet-k3s.started"
     record.parent.mkdir()
-    record.write_text(f"{names[0]} {stat.st_ino} {stat.st_size} {int(stat.st_mtime)}\n")
+    record.write_text(f"{names[0]} 7 5 1700000000\n")
     assert not host.stale("k3s", names)
-    (tmp_path / names[1].lstrip("/")).write_text("mirrors: {}\n")
+    record.write_text(f"{names[0]} 8 5 1700000000\n")
     assert host.stale("k3s", names)
 
 
@@ -151,10 +153,9 @@ def test_files_are_described_and_missing_ones_too(tmp_path: Path) -> None:
     assert host.describe("/x") == {
         "exists": True,
         "sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
-        "size": 3,
         "mode": "0600",
     }
-    assert host.describe("/y") == {"exists": False, "sha256": "", "size": 0, "mode": ""}
+    assert host.describe("/y") == {"exists": False, "sha256": "", "mode": ""}
     assert host.sizes("/nowhere") == {}
     assert host.version() == ""
 
@@ -170,3 +171,53 @@ def test_the_journal_comes_with_what_matters_and_without_secrets(tmp_path: Path)
 
     assert said(*journal) == f'{wrong} ******** ********"'
     assert said(*journal[1:]) == f"{journal[2]}\n{'x' * 300}"
+
+
+# --- its binary -------------------------------------------------------------------------------------------------------
+
+BINARY = b"k3s" * 1000
+SUM = hashlib.sha256(BINARY).hexdigest()
+
+
+class Network:
+    def __init__(self, content: bytes = BINARY) -> None:
+        self.content, self.asked = content, list[str]()
+
+    def __call__(self, url: str) -> io.BytesIO:
+        self.asked.append(url)
+        return io.BytesIO(self.content)
+
+
+def test_it_comes_whole_and_once(tmp_path: Path) -> None:
+    network, place = Network(), tmp_path / "k3s"
+    assert fetch(network, "https://x/k3s", place, SUM)
+    assert (place.read_bytes(), place.stat().st_mode & 0o777) == (BINARY, 0o755)
+    assert not fetch(network, "https://x/k3s", place, SUM)
+    assert network.asked == ["https://x/k3s"]
+    assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
+
+
+def test_what_is_not_what_it_should_be_does_not_come(tmp_path: Path) -> None:
+    place = tmp_path / "k3s"
+    place.write_text("the one before")
+    with pytest.raises(FleetError, match=f"expected is {SUM}"):
+        fetch(Network(b"something else"), "https://x/k3s", place, SUM)
+    assert place.read_text() == "the one before"
+    assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
+
+
+def test_a_list_of_sums() -> None:
+    text = f"{'0' * 64}  k3s-arm64\n{SUM}  k3s\n"
+    assert listed_sum(text, "k3s", "https://x/sums") == SUM
+    with pytest.raises(FleetError, match="https://x/sums has no SHA-256 of k3s-armhf"):
+        listed_sum(text, "k3s-armhf", "https://x/sums")
+
+
+def test_proxies_out_of_the_units_environment() -> None:
+    found = proxies({"HTTPS_PROXY": "http://me:s3cret@proxy:3128", "no_proxy": "10.0.0.0/8", "K3S_DEBUG": True})
+    assert found == {
+        "https_proxy": "http://me:s3cret@proxy:3128",
+        "HTTPS_PROXY": "http://me:s3cret@proxy:3128",
+        "no_proxy": "10.0.0.0/8",
+        "NO_PROXY": "10.0.0.0/8",
+    }

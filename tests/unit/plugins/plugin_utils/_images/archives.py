@@ -59,8 +59,9 @@ def oci(path: Path) -> str:
 
     manifests = [
         {"digest": blob(encoded({"config": {"digest": blob(config)}})), "platform": {"architecture": name}}
-        for name, config in (("amd64", CONFIG), ("arm64", ARM))
+        for name, config in (("amd64", CONFIG), ("arm64", ARM), ("unknown", b"{}"))  # the last is buildkit's word on it
     ]
+    manifests.append({"digest": "sha256:1", "platform": {"architecture": "arm"}})  # left out
     entry = {
         "digest": blob(encoded({"manifests": manifests})),
         "annotations": {CONTAINERD_NAME: "docker.io/lab/ros:noetic"},

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import bz2
 import gzip
-import io
 import json
 import lzma
 import tarfile
@@ -17,11 +16,13 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images import archive as _archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
-    Archives,
     archive_images,
+    archived_ids,
+    archived_instead,
     normal_ref,
     opened,
     thin_archive,
+    unusable,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ARM,
@@ -59,7 +60,7 @@ def test_what_containerd_or_the_control_node_cannot_unpack_is_refused(
     packed = tmp_path / "a.tar.gz"
     packed.write_bytes(pack(Path(docker(tmp_path / "a.tar", ["a:1"])).read_bytes()))
     told = f"{packed} is compressed by {name}: unpack it, or compress it by gzip"
-    assert Archives().unusable(str(packed)) == told
+    assert unusable(str(packed)) == told
     with pytest.raises(SpecError, match=told):
         archive_images(str(packed))
 
@@ -101,58 +102,45 @@ def test_an_architecture_that_is_not_in_the_archive(tmp_path: Path) -> None:
 LAYER = b"layer" * 99
 
 
-@pytest.mark.parametrize("make", [docker_image, oci_image])
-def test_what_would_take_long_to_unpack_is_not_looked_at(
-    make: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plain, whole = make(tmp_path / "a.tar", "a:1", [LAYER]), tmp_path / "a.tar.gz"
-    whole.write_bytes(gzip.compress(Path(make(tmp_path / "b.tar", "b:1", [LAYER])).read_bytes()))
+def test_what_would_take_long_to_unpack_is_not_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain, whole = docker_image(tmp_path / "a.tar", "a:1", [LAYER]), tmp_path / "a.tar.gz"
+    whole.write_bytes(gzip.compress(Path(oci_image(tmp_path / "b.tar", "b:1", [LAYER])).read_bytes()))
     for most, seen in ((whole.stat().st_size, True), (whole.stat().st_size - 1, False)):
         monkeypatch.setattr(_archive, "LARGEST_COMPRESSED", most)
-        assert bool(Archives().ids([plain, str(whole)], "b:1")) is seen, most
+        _archive._read.cache_clear()
+        assert bool(archived_ids([plain, str(whole)], "b:1")) is seen, most
     monkeypatch.setattr(_archive, "LARGEST_COMPRESSED", 0)
-    assert Archives().ids([plain], "a:1")  # nothing to unpack
+    _archive._read.cache_clear()
+    assert archived_ids([plain], "a:1")  # nothing to unpack
 
 
 def test_each_archive_is_listed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = docker_image(tmp_path / "a.tar", "a:1", [LAYER])
-    seen: list[str] = []
-
-    def counted(path: str) -> Any:
-        seen.append(path)
-        return opened(path)
-
-    monkeypatch.setattr(_archive, "opened", counted)
-    archives = Archives()
-    assert [archives.ids([path, path], ref) for ref in ("b:1", "c:1")] == [frozenset()] * 2
-    assert archives.instead([{"path": path}], "b:1") == ["docker.io/library/a:1"]
+    path, seen = docker_image(tmp_path / "a.tar", "a:1", [LAYER]), list[str]()
+    monkeypatch.setattr(_archive, "opened", lambda path: seen.append(path) or opened(path))
+    assert [archived_ids([path, path], ref) for ref in ("b:1", "c:1")] == [frozenset()] * 2
+    assert archived_instead([{"path": path}], "b:1") == ["docker.io/library/a:1"]
     assert seen == [path]
 
 
 def test_what_archives_hold_where_none_has_an_image(tmp_path: Path) -> None:
     old, other = (docker_image(tmp_path / f"{name}.tar", f"lab/{name}:1", [LAYER]) for name in ("scout", "mule"))
     both = [{"path": old}, {"path": other}]
-    archives = Archives()
-    assert archives.instead(both, "docker.io/lab/scout:1") == []
-    assert archives.instead(both, "lab/scout:1.0.1") == ["docker.io/lab/mule:1", "docker.io/lab/scout:1"]
-    assert archives.instead([{"path": old, "images": ["lab/none:1"]}], "lab/scout:1") == ["docker.io/lab/none:1"]
-    assert archives.instead([*both, {"path": str(tmp_path / "away.tar")}], "lab/scout:2") == []  # it may have it
-    assert archives.instead([], "lab/scout:2") == []
-
-
-def test_what_is_not_there_is_not_known_to_be_unusable(tmp_path: Path) -> None:
-    assert [Archives().unusable(path) for path in (str(tmp_path / "none"), "~nobody-at-all/x.tar")] == ["", ""]
+    assert archived_instead(both, "docker.io/lab/scout:1") == []
+    assert archived_instead(both, "lab/scout:1.0.1") == ["docker.io/lab/mule:1", "docker.io/lab/scout:1"]
+    assert archived_instead([{"path": old, "images": ["lab/none:1"]}], "lab/scout:1") == ["docker.io/lab/none:1"]
+    assert archived_instead([*both, {"path": str(tmp_path / "away.tar")}], "lab/scout:2") == []  # it may have it
+    assert archived_instead([], "lab/scout:2") == []
 
 
 def test_the_ids_of_an_image_for_whatever_machine(tmp_path: Path) -> None:
     """Which machine a host is only a look at it says. The last archive that has the name counts, as on a node."""
     old, new = (docker_image(tmp_path / f"{name}.tar", "lab/a:1", [LAYER, name.encode()]) for name in ("old", "new"))
-    archives = Archives()
-    (image,) = archives.ids([old, new], "docker.io/lab/a:1")
-    assert {image} == archives.ids([new], "lab/a:1") != archives.ids([old], "lab/a:1")
-    assert archives.ids([old], "lab/b:1") == archives.ids([], "lab/a:1") == frozenset()
-    assert archives.ids([str(tmp_path / "none.tar"), "~nobody-at-all/x.tar"], "lab/a:1") == frozenset()
-    assert archives.ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") == {ID, f"sha256:{digest(ARM)}"}
+    (image,) = archived_ids([old, new], "docker.io/lab/a:1")
+    assert {image} == archived_ids([new], "lab/a:1") != archived_ids([old], "lab/a:1")
+    assert archived_ids([old], "lab/b:1") == archived_ids([], "lab/a:1") == frozenset()
+    for away in (str(tmp_path / "none.tar"), "~nobody-at-all/x.tar"):
+        assert (archived_ids([away], "lab/a:1"), unusable(away)) == (frozenset(), "")
+    assert archived_ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") >= {ID, f"sha256:{digest(ARM)}"}
 
 
 # --- without what a node has ------------------------------------------------------------------------------------------
@@ -164,19 +152,16 @@ Make = Callable[[Path, str, Sequence[bytes]], str]
 
 def linked(path: Path, tag: str, layers: Sequence[bytes]) -> str:
     """As `docker save` did before version 25 and podman does: a layer that stands there already is a link."""
-    config = encoded({"architecture": "amd64", "rootfs": {"diff_ids": [f"sha256:{digest(one)}" for one in layers]}})
-    names = [f"{number}/layer.tar" for number in range(len(layers))]
-    manifest = [{"Config": "config.json", "RepoTags": [tag], "Layers": names}]
-    with tarfile.open(path, "w") as tar:
-        for name, content in zip(names, layers, strict=True):
-            kept, link = tarfile.TarInfo(f"{digest(content)}.tar"), tarfile.TarInfo(name)
-            kept.size, link.type, link.linkname = len(content), tarfile.SYMTYPE, f"../{digest(content)}.tar"
-            tar.addfile(kept, io.BytesIO(content))
+    with tarfile.open(docker_image(path, tag, layers)) as tar:
+        files = {one.name: tar.extractfile(one).read() for one in tar.getmembers()}  # type: ignore[union-attr]
+    manifest = json.loads(files["manifest.json"])
+    kept, manifest[0]["Layers"] = manifest[0]["Layers"], [f"{number}/layer.tar" for number in range(len(layers))]
+    archive(path, {**files, "manifest.json": encoded(manifest)})
+    with tarfile.open(path, "a") as tar:
+        for name, target in zip(manifest[0]["Layers"], kept, strict=True):
+            link = tarfile.TarInfo(name)
+            link.type, link.linkname = tarfile.SYMTYPE, f"../{target}"
             tar.addfile(link)
-        for name, content in (("config.json", config), ("manifest.json", encoded(manifest))):
-            info = tarfile.TarInfo(name)
-            info.size = len(content)
-            tar.addfile(info, io.BytesIO(content))
     return str(path)
 
 
@@ -221,27 +206,30 @@ def test_it_is_the_same_file_each_time(tmp_path: Path) -> None:
     assert places[0].read_bytes() == places[1].read_bytes()
 
 
+PACKED = gzip.compress(BASE, mtime=0)
+
+
 def compressed(path: Path) -> str:
-    return docker_image(path, "a:1", [gzip.compress(BASE), NEXT])
+    return docker_image(path, "a:1", [PACKED, NEXT])
 
 
 def whole_gzip(path: Path) -> str:
-    docker_image(path, "a:1", [BASE, NEXT])
-    path.write_bytes(gzip.compress(path.read_bytes()))
+    path.write_bytes(gzip.compress(Path(docker_image(path, "a:1", [BASE, NEXT])).read_bytes()))
     return str(path)
 
 
 def one_layer_gone(path: Path) -> str:
-    config = encoded({"architecture": "amd64", "rootfs": {"diff_ids": [sha(BASE), sha(NEXT)]}})
-    manifest = [{"Config": "config.json", "RepoTags": ["a:1"], "Layers": ["base.tar", "next.tar"]}]
-    return archive(path, {"config.json": config, "manifest.json": encoded(manifest), "next.tar": NEXT})
+    with tarfile.open(docker_image(path, "a:1", [BASE, NEXT])) as tar:
+        files = {one.name: tar.extractfile(one).read() for one in tar.getmembers()}  # type: ignore[union-attr]
+    del files[f"{digest(BASE)}.tar"]
+    return archive(path, files)
 
 
 @pytest.mark.parametrize(
     ("make", "blobs"),
     [
         (lambda path: docker_image(path, "a:1", [BASE, NEXT]), set()),  # nothing to leave out
-        (compressed, {sha(BASE), sha(gzip.compress(BASE))}),  # which digest such a layer has there is not sure
+        (compressed, {sha(BASE), sha(PACKED)}),  # which digest such a layer has there is not sure
         (whole_gzip, {sha(BASE)}),  # what is left is larger than the whole, which is compressed
         (one_layer_gone, {sha(BASE)}),
     ],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images on a simulated node: what is copied, imported, pulled, and what is said when a step fails."""
+"""Images on a simulated node: what is copied, imported, pulled, kept, and what is said when a step fails."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import subprocess
 from base64 import b64encode
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,20 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref, opened
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import LABEL, PIN, Present, node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
-    DIRECTORY,
+    LABEL,
+    LOOK,
+    PIN,
+    PLACE,
     Brought,
     ImagesError,
     NodeImages,
+    Present,
     auths,
     images_plan,
-    images_problems,
+    node_images,
+    pins,
+    present,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ID,
@@ -67,10 +73,9 @@ class Node:
         self.calls.append("look" if "uname" in what else what)
         return {"failed": True, "rc": 1, "stderr": "no space"} if self.broken and self.broken in what else {}
 
-    def file(self, path: str, state: str, mode: str = "") -> dict[str, Any]:
-        if state == "absent":
-            self.files = {name: src for name, src in self.files.items() if not name.startswith(path)}
-        return {"mode": mode}
+    def file(self, path: str, state: str) -> dict[str, Any]:
+        self.files.pop(path, None)
+        return {"state": state}
 
     def command(self, argv: list[str], stdin: str = "") -> dict[str, Any]:
         if stdin:
@@ -112,10 +117,6 @@ def tarred(path: str) -> tuple[list[Image], set[str]]:
         return found.images(), {f"sha256:{digest(file.read())}" for file in files}
 
 
-def place(archive: Mapping[str, str]) -> str:
-    return NodeImages(Node())._place(archive["path"])
-
-
 @pytest.fixture(name="archive")
 def _archive(tmp_path: Path) -> dict[str, str]:
     return {"path": docker(tmp_path / "apps.tar", ["lab/apps:1.0"])}
@@ -131,8 +132,7 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     )
     assert brought.changed
     assert node.calls == [
-        "look", f"directory {DIRECTORY}", "copy apps.tar 2m",
-        f"ctr --namespace k8s.io images import {place(archive)}", f"absent {place(archive)}",
+        "look", "copy apps.tar 2m", f"ctr --namespace k8s.io images import {PLACE}", f"absent {PLACE}",
         "crictl pull docker.io/library/redis:7", "look", f"pin wanted {APPS} wanted {REDIS}",
     ]  # fmt: skip
     assert node.files == {}
@@ -172,7 +172,7 @@ def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(arc
         ("import", r"apps.tar could not be imported: no space"),
         ("pin", r"wanted docker.io/lab/apps:1.0 wanted docker.io/library/redis:7: no space"),
         ("pull", r"crictl pull docker.io/library/redis:7: no space"),
-        ("directory", f"{DIRECTORY}: no space"),
+        ("absent", f"{PLACE}: no space"),
     ],
 )
 def test_a_step_that_fails_is_named_with_its_reason(archive: dict[str, str], broken: str, message: str) -> None:
@@ -195,7 +195,7 @@ def test_an_interrupted_transfer_is_kept_for_the_next_and_nothing_else(
     node = Node(broken)
     with pytest.raises(ImagesError):
         NodeImages(node, rate_limit="2m").bring([archive], [])
-    assert list(node.files) == ([place(archive)] if kept else [])
+    assert list(node.files) == ([PLACE] if kept else [])
 
 
 def test_one_archive_at_a_time_lies_on_the_node_also_two_of_one_name(
@@ -208,19 +208,20 @@ def test_one_archive_at_a_time_lies_on_the_node_also_two_of_one_name(
     node = Node()
     assert NodeImages(node).bring([{"path": f"~/{name}/apps.tar"} for name in ("old", "new")], []).problems == ()
     assert {"docker.io/lab/old:1.0", "docker.io/lab/new:1.0"} == {*node.images}
-    assert [call.split()[0] for call in node.calls if not call.startswith("directory")] == [
+    assert [call.split()[0] for call in node.calls] == [
         "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look", "pin",
     ]  # fmt: skip
-    assert len({call for call in node.calls if call.startswith("absent")}) == 2
 
 
 def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> None:
     node = Node()
     node.imports = False
     assert NodeImages(node).bring([archive], []).problems == (f"{APPS} is not there",)
+    node.images[APPS] = "sha256:other"
+    assert NodeImages(node).bring([archive], []).problems == (f"{APPS} has the ID sha256:other, not {ID}",)
 
 
-# --- a next version ---------------------------------------------------------------------------------------------------
+# --- a next version --------------------------------------------------------------------------------------------------
 
 
 def versions(tmp_path: Path) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
@@ -258,18 +259,19 @@ def test_what_a_node_does_not_import_in_parts_is_brought_whole(tmp_path: Path) -
     (first, second), node = versions(tmp_path), Node()
     images = NodeImages(node)
     images.bring(first, [])
-    step, node.calls = node._step, []
+    command, node.calls = node.command, []
 
-    def broken_once(what: str) -> dict[str, Any]:
-        found = step(what)
-        return {"failed": True} if "import" in what and sum("import" in call for call in node.calls) == 1 else found
+    def broken_once(argv: list[str], stdin: str = "") -> dict[str, Any]:
+        """Something of it is there then."""
+        found = command(argv, stdin)
+        return {"failed": True} if argv[-2] == "import" and "thin" in "".join(node.calls[-2:]) else found
 
-    node._step = broken_once  # type: ignore[method-assign]
+    node.command = broken_once  # type: ignore[method-assign]
     assert images.bring(second, []).problems == ()
     assert [call for call in node.calls if call.startswith("copy")] == ["copy thin.tar", "copy apps-2.tar"]
 
 
-# --- a registry that asks who one is ----------------------------------------------------------------------------------
+# --- a registry that asks who one is ---------------------------------------------------------------------------------
 
 
 @pytest.fixture(name="private")
@@ -291,7 +293,7 @@ def credentials(word: str = "hunter2") -> dict[str, str]:
 
 
 def test_credentials_reach_crictl_and_no_command_line(private: Node) -> None:
-    logins = [credentials("stale"), credentials()]
+    logins = [credentials("stale"), credentials(), credentials("older")]
     brought = NodeImages(private, logins=logins).bring([], ["r.example/app:1", "redis:7"])
     assert set(brought.pulled) == {"r.example/app:1", REDIS}
     said = " ".join(private.calls) + Path(f"{private.program}.seen").read_text()
@@ -306,7 +308,7 @@ def test_wrong_credentials_are_told_and_not_shown(private: Node) -> None:
     assert "wrong" not in str(caught.value)
 
 
-# --- what is to be done -----------------------------------------------------------------------------------------------
+# --- what is to be done ----------------------------------------------------------------------------------------------
 
 
 def listing(*images: tuple[str, list[str]]) -> str:
@@ -321,17 +323,17 @@ def listing(*images: tuple[str, list[str]]) -> str:
 def test_what_is_there_by_id_does_not_travel(tmp_path: Path, text: str, brings: bool, pulls: bool) -> None:
     path = docker(tmp_path / "a.tar", ["lab/apps:1.0"])
     names = ["redis:7", "docker.io/redis:7", "lab/apps:1.0"]  # what an archive holds is not pulled
-    plan = images_plan([{"path": path}], names, Present("x86_64", node_images(text)))
-    assert [*plan.bring] == ([path] if brings else [])
-    assert plan.pull == ([REDIS] if pulls else [])
-    assert plan.wanted == {APPS: ID, REDIS: ""}
+    wanted, bring, pull = images_plan([{"path": path}], names, Present("x86_64", node_images(text)))
+    assert [*bring] == ([path] if brings else [])
+    assert pull == ([REDIS] if pulls else [])
+    assert wanted == {APPS: ID, REDIS: ""}
 
 
 def test_only_the_named_images_count(tmp_path: Path) -> None:
     path = docker(tmp_path / "a.tar", ["lab/apps:1.0", "lab/ros:noetic"])
     present = Present("x86_64", {APPS: ID})
-    assert images_plan([{"path": path}], [], present).bring
-    assert images_plan([{"path": path, "images": ["lab/apps:1.0"]}], [], present).bring == {}
+    assert images_plan([{"path": path}], [], present)[1]
+    assert images_plan([{"path": path, "images": ["lab/apps:1.0"]}], [], present)[1] == {}
     with pytest.raises(SpecError, match=r"does not hold docker.io/lab/apps:2.0, only docker.io/lab/apps:1.0"):
         images_plan([{"path": path, "images": ["lab/apps:2.0"]}], [], present)
 
@@ -340,15 +342,6 @@ def test_an_archive_for_another_machine_is_refused(tmp_path: Path) -> None:
     path = docker(tmp_path / "d.tar", ["a:1"])
     with pytest.raises(SpecError, match="holds images for amd64, but the host is aarch64"):
         images_plan([{"path": path}], [], Present("aarch64", {}))
-
-
-def test_problems_after_the_import() -> None:
-    wanted = {APPS: ID, REDIS: "", "docker.io/lab/ros:1": ID}
-    present = node_images(listing(("sha256:other", ["docker.io/lab/ros:1", REDIS])))
-    assert images_problems(wanted, present) == [
-        f"{APPS} is not there",
-        f"docker.io/lab/ros:1 has the ID sha256:other, not {ID}",
-    ]
 
 
 def login(registry: str, user: str = "u") -> dict[str, str]:
@@ -369,3 +362,124 @@ def test_which_registry(image: str, registry: str, fits: bool) -> None:
 def test_several_and_those_that_somebody_else_keeps() -> None:
     logins = [login("r.example", "a"), {"name": "other"}, login("r.example", "b"), login("r.example", "a")]
     assert auths("r.example/app", logins) == [b64encode(f"{user}:p:w".encode()).decode() for user in "ab"]
+
+
+# --- what is there ----------------------------------------------------------------------------------------------------
+
+IMAGES = {
+    "images": [
+        {"id": "sha256:f707", "repoTags": ["docker.io/lab/ros:noetic"], "repoDigests": [], "pinned": False},
+        {"id": "a47b", "repoTags": ["docker.io/lab/apps:1.1"], "repoDigests": ["docker.io/lab/apps@sha256:5d08"]},
+    ]
+}
+LABELS = """\
+REF                      TYPE                     DIGEST      SIZE      PLATFORMS   LABELS
+docker.io/lab/apps:1.1   application/vnd.oci.image sha256:5d08 249.6 MiB linux/amd64 \
+io.cri-containerd.image=managed,io.cri-containerd.pinned=pinned,rosops.fleet/pinned=wanted
+docker.io/lab/ros:noetic application/vnd.docker   sha256:1f34 248.9 MiB linux/amd64 io.cri-containerd.image=managed
+docker.io/lab/old:1      application/vnd.docker   sha256:1f35 248.9 MiB linux/amd64 -
+docker.io/mine:1         application/vnd.docker   sha256:1f36 248.9 MiB linux/amd64 io.cri-containerd.pinned=pinned
+"""
+CONTAINERS = {"containers": [{"imageRef": "sha256:f707", "image": {"image": "sha256:f707"}}, {"imageRef": "a47b"}]}
+
+
+def printed(*parts: str) -> str:
+    return "--- rosops.fleet ---\n".join(f"{part}\n" for part in parts).strip()
+
+
+def test_all_of_it_is_one_command() -> None:
+    assert LOOK.count("echo '--- rosops.fleet ---'") == 4
+    parts = json.dumps(IMAGES, indent=2), LABELS, "sha256:a\nsha256:b", json.dumps(CONTAINERS)
+    found = present(printed("x86_64", *parts))
+    assert found == Present(
+        "x86_64",
+        {
+            "docker.io/lab/ros:noetic": "sha256:f707",
+            "docker.io/lab/apps:1.1": "sha256:a47b",
+            "docker.io/lab/apps@sha256:5d08": "sha256:a47b",
+        },
+        {"docker.io/lab/apps:1.1": "wanted"},  # what somebody else pinned is not ours to let go
+        frozenset({"sha256:a", "sha256:b"}),
+        frozenset({"sha256:f707", "sha256:a47b"}),
+    )
+
+
+def test_a_host_without_k3s_has_a_machine_alone() -> None:
+    """Its output ends before the first command that is not there; Ansible strips the last newline."""
+    for said in ("aarch64", "aarch64\n--- rosops.fleet ---"):
+        assert present(said) == Present("aarch64", {}, {}, frozenset(), frozenset())
+
+
+def test_a_listing_that_is_no_json() -> None:
+    with pytest.raises(SpecError, match="no JSON"):
+        node_images("FATA[0000] connect: no such file")
+
+
+# --- pins ------------------------------------------------------------------------------------------------------------
+
+V1, V2, V3, ROS = (f"docker.io/lab/{name}" for name in ("apps:1", "apps:2", "apps:3", "ros:noetic"))
+IDS = {V1: "sha256:1", V2: "sha256:2", V3: "sha256:3", ROS: "sha256:0"}
+
+
+def node(*there: str, used: tuple[str, ...] = (), **now: str) -> Present:
+    """`now` are pins, by a version's name."""
+    known = {"v1": V1, "v2": V2, "v3": V3, "ros": ROS}
+    own = {known[name]: why for name, why in now.items()}
+    return Present("x86_64", {ref: IDS[ref] for ref in there}, own, frozenset(), frozenset(IDS[ref] for ref in used))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "there", "changes"),
+    [
+        ([V1, ROS], node(V1, ROS), {V1: "wanted", ROS: "wanted"}),
+        ([V1, V3], node(V1), {V1: "wanted"}),  # one that is not there has nothing to label
+        ([V1], node(V1, v1="wanted"), {}),
+        # the next version: what was wanted until now is what its step would go back to
+        ([V2], node(V1, V2, v1="wanted"), {V1: "before", V2: "wanted"}),
+        ([V2], node(V1, V2, v1="before", v2="wanted"), {}),
+        ([V3], node(V1, V2, V3, v1="before", v2="wanted"), {V1: "", V2: "before", V3: "wanted"}),
+        # version 2 did not get through: 1 runs on, and is what the step to 3 goes back to
+        ([V3], node(V1, V2, V3, used=(V1,), v1="before", v2="wanted"), {V2: "before", V3: "wanted"}),
+        # nobody had pinned what runs: the node had pulled it by itself
+        ([V2], node(V1, V2, used=(V1,)), {V1: "before", V2: "wanted"}),
+        ([V2], node(V2, ROS, used=(V2, ROS)), {V2: "wanted"}),  # of another repository: not ours
+        ([V1], node(V1, V2, v1="before", v2="wanted"), {V1: "wanted", V2: "before"}),  # back again
+        ([], node(V1, v1="wanted"), {V1: "before"}),
+        ([V1], node(v1="wanted"), {}),  # somebody has removed it
+    ],
+)
+def test_what_is_wanted_and_what_was_before_it(wanted: list[str], there: Present, changes: dict[str, str]) -> None:
+    assert pins(wanted, there) == changes
+    left = {ref: why for ref, why in {**there.pins, **changes}.items() if why}
+    assert pins(wanted, replace(there, pins=left)) == {}  # a second run changes nothing
+
+
+@pytest.mark.parametrize(("new", "same"), [("edge1:5000/a@sha256:2", True), ("edge1:5000/b:1", False)])
+def test_what_runs_is_kept_where_it_is_of_the_same_repository(new: str, same: bool) -> None:
+    there = Present("x86_64", {"edge1:5000/a:1": "sha256:1", new: "sha256:2"}, used=frozenset({"sha256:1"}))
+    assert pins([new], there) == {new: "wanted", **({"edge1:5000/a:1": "before"} if same else {})}
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_the_shell_labels_all_of_them_and_says_when_one_cannot_be(tmp_path: Path, broken: bool) -> None:
+    k3s = tmp_path / "k3s"
+    ends = 'case "$6" in */apps:1) exit 3; esac\n' if broken else ""
+    k3s.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/seen\n{ends}')
+    k3s.chmod(0o700)
+    found = subprocess.run(  # noqa: S603
+        ["/bin/sh", "-c", LABEL, str(k3s), "wanted", V2, "", V1, "before", V3], capture_output=True, check=False
+    )  # fmt: skip
+    said = (tmp_path / "seen").read_text().splitlines()
+    label = "ctr --namespace k8s.io images label"
+    assert said[:2] == [
+        f"{label} {V2} io.cri-containerd.pinned=pinned rosops.fleet/pinned=wanted",
+        f"{label} {V1} io.cri-containerd.pinned= rosops.fleet/pinned=",
+    ]
+    assert (found.returncode, len(said)) == ((3, 2) if broken else (0, 3))
+
+
+def test_what_a_step_has_brought_stays_pinned_where_nobody_asks_for_it() -> None:
+    """The next run brings the archives alone. What the node has pulled by itself is none of its business."""
+    there = node(V1, V2, ROS, v2="wanted")
+    assert pins([ROS], there, [V1, V2]) == {ROS: "wanted"}
+    assert pins([ROS], there) == {ROS: "wanted", V2: "before"}

@@ -17,8 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import (
     refusals,
     restarts_pods,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, Wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Artifacts, HostFile, Wanted
 
 CONFIG = HostFile("/etc/rancher/k3s/config.yaml", "a: 1\n", "0600", secret=False)
 DIGEST = hashlib.sha256(b"a: 1\n").hexdigest()
@@ -38,7 +37,7 @@ NOW: dict[str, Any] = {
     "tokens": {"server": "same", "agent": "same"},
 }
 TOKENS, KUBECONFIG = ("token", "agent-token"), "/home/me/edge.yaml"
-WANTED = Wanted("server", "k3s", True, "https://edge1:6443", (CONFIG,), TOKENS, (), KUBECONFIG)
+WANTED = Wanted(True, "https://edge1:6443", (CONFIG,), TOKENS, (), KUBECONFIG)
 SOURCE = Artifacts(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
 NO_ARCHIVE = Artifacts(sha256="binary")
 

@@ -27,7 +27,7 @@ REQUIREMENTS = Requirements(
 )
 
 X86: dict[str, Any] = {
-    "os": {"id": "debian", "version": "12", "name": "Debian GNU/Linux 12 (bookworm)"},
+    "os": {"id": "debian", "name": "Debian GNU/Linux 12 (bookworm)"},
     "kernel": "6.1.0-37-amd64",
     "machine": "x86_64",
     "hostname": "robot1",

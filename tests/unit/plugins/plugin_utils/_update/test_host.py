@@ -10,8 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import PIN, NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Calm, Seen
 
@@ -34,7 +33,7 @@ class Modules:
 class Node:
     """A node that has the image `a:1`, and gets no other one."""
 
-    def module(self, _name: str, _args: Mapping[str, Any]) -> Mapping[str, Any]:
+    def module(self, _name: str, _args: Mapping[str, Any], **_more: Any) -> Mapping[str, Any]:
         parts = "x86_64", LISTING, f"REF LABELS\ndocker.io/library/a:1 {PIN}=wanted", "", "{}"
         return {"rc": 0, "stdout": "\n--- rosops.fleet ---\n".join(parts)}
 
