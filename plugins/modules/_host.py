@@ -16,11 +16,25 @@ options:
   job:
     description:
       - V(facts) reads what decides whether k3s can run on the host, for the role P(rosops.fleet.preflight#role).
-        The others are for the role P(rosops.fleet.k3s#role).
+        Those whose names begin with C(k3s) are for the role P(rosops.fleet.k3s#role), those with C(ros) for updates.
       - V(k3s_facts) reads what k3s is there, V(k3s_ready) waits until it serves, V(k3s_download) brings its binary,
         V(k3s_change) exchanges it and keeps the one before, V(k3s_remove) takes it off the host.
+      - V(ros_hold) waits until a robot's actions are idle and holds back new goals, V(ros_release) lets them go,
+        V(ros_register) brings lost registrations of living nodes back, V(ros_reap) removes those of dead ones,
+        V(ros_watch) says what of an update's traffic was lost.
     type: str
-    choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove]
+    choices:
+      - facts
+      - k3s_facts
+      - k3s_ready
+      - k3s_download
+      - k3s_change
+      - k3s_remove
+      - ros_hold
+      - ros_release
+      - ros_register
+      - ros_reap
+      - ros_watch
     required: true
   arguments:
     description: What the job takes.
@@ -54,6 +68,7 @@ from ..module_utils._host.k3s import BINARY, SERVICES, Host, K3sHost, sha256, wi
 from ..module_utils._host.k3s_change import NEXT, K3sChange
 from ..module_utils._host.k3s_facts import k3s_facts
 from ..module_utils._host.k3s_remove import Remover
+from ..module_utils._ros import idle_robot, registrar, traffic
 
 LOOKS = 0.5  # seconds from one look to the next
 JOURNAL_LINES = 15
@@ -157,12 +172,19 @@ JOBS = {
     "k3s_change": k3s_change,
     "k3s_remove": k3s_remove,
 }
+ROS_JOBS = {  # no module is needed for these
+    "ros_hold": idle_robot.hold,
+    "ros_release": idle_robot.release,
+    "ros_register": registrar.register,
+    "ros_reap": registrar.reap,
+    "ros_watch": traffic.watch,
+}
 
 
 def main() -> None:
     module = AnsibleModule(
         argument_spec={
-            "job": {"type": "str", "choices": list(JOBS), "required": True},
+            "job": {"type": "str", "choices": [*JOBS, *ROS_JOBS], "required": True},
             "arguments": {"type": "dict", "required": True},
             "secrets": {"type": "dict", "default": {}, "no_log": True},
         },
@@ -170,7 +192,7 @@ def main() -> None:
     )
     job, arguments = module.params["job"], {**module.params["arguments"], **module.params["secrets"]}
     try:
-        result = JOBS[job](module, arguments)
+        result = ROS_JOBS[job](arguments) if job in ROS_JOBS else JOBS[job](module, arguments)
     except FleetError as error:
         module.fail_json(msg=str(error), **error.details)
     except OSError as error:

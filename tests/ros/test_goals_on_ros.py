@@ -10,15 +10,14 @@ import time
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import idle_robot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
-from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
-from scene import LOST, RECALLED, SUCCEEDED, Run, Scene, until
+from scene import LOST, RECALLED, SUCCEEDED, Scene, until
 
 HANDOVERS = int(os.environ.get("ROSOPS_HANDOVERS", "8"))
 ACTION, SERVER = "/work", "/worker"
-STEP = [{"name": ACTION, "server": SERVER}]  # what an update's step asks of ros_action_hold
 
 
 class Server:
@@ -119,6 +118,18 @@ def judge(server: Server, sent: list[dict[str, Any]]) -> None:
     assert (wrong, sorted(lost), broken, twice) == ([], [], [], 0)
 
 
+def step_holds(scene: Scene, seconds: float = 60.0) -> list[str]:
+    asked = {"actions": [{"name": ACTION, "server": SERVER}], "seconds": seconds, "timeout": 20, "interval": 0.2}
+    found = idle_robot.hold({"master_uri": scene.uri, "keeper_uri": scene.keeper_uri, **asked})
+    assert found["verdict"] == "pass"
+    return list(found["held"])
+
+
+def step_releases(scene: Scene) -> bool:
+    asked = {"actions": [ACTION], "timeout": 20, "interval": 0.2}
+    return bool(idle_robot.release({"keeper_uri": scene.keeper_uri, **asked})["changed"])
+
+
 def test_hand_overs(scene: Scene) -> None:
     server = begin(scene, boss=("1000", "20"))
     times = []
@@ -167,11 +178,10 @@ def test_a_goal_that_is_cancelled_while_it_is_held(scene: Scene) -> None:
     assert not [line for line in server.executed() if "start" in line]
 
 
-def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene, run: Run) -> None:
+def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene) -> None:
     """However long it takes from the step's look to the old server's end, no goal comes between them."""
     server = begin(scene, boss=("1000", "300", "900"))
-    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
-    assert (result["verdict"], result["held"]) == ("pass", [ACTION])
+    assert step_holds(scene) == [ACTION]
     begun = len(server.executed())
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     time.sleep(0.5)  # the API server is slow
@@ -183,14 +193,14 @@ def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene, run: Run)
     judge(server, end_clients(scene, "boss"))
 
 
-def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene, run: Run) -> None:
+def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene) -> None:
     """Nobody replaces the server: the keeper lets go when it is told to, or by itself, to the old one."""
     server = begin(scene, boss=("1000", "100", "900"))
-    run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
-    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
+    step_holds(scene)
+    assert step_releases(scene)
     let_go(scene)
-    assert not run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
-    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, seconds=3, timeout=20)["held"] == [ACTION]
+    assert not step_releases(scene)
+    assert step_holds(scene, seconds=3) == [ACTION]
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     let_go(scene)
     done = len(goals(scene, "boss"))

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The module ros_registrations against a real master and real nodes."""
+"""What a step registers again, against a real master and real nodes."""
 
 from __future__ import annotations
 
 import signal
+from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info, ros_registrations
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import register
+from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
 from scene import Run, Scene, until
+
+
+def brings_back(scene: Scene, graph: dict[str, Any], *nodes: str) -> bool:
+    return bool(register({"master_uri": scene.uri, "graph": graph, "nodes": nodes})["changed"])
 
 
 def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:
@@ -21,17 +27,10 @@ def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:
     scene.kill("/adder")
     scene.start_master()
 
-    wanted = {"graph": graph}
-    predicted = run(ros_registrations, **wanted, _ansible_check_mode=True, _ansible_diff=True)
-    assert scene.registered() == {}  # check mode wrote nothing
-    done = run(ros_registrations, **wanted, _ansible_diff=True)
-    assert {key: done[key] for key in predicted} == predicted
+    assert brings_back(scene, graph)
     del before["/adder"]
     assert scene.registered() == before
-    assert [entry["node"] for entry in done["skipped"]] == ["/adder"]
-    assert set(done["diff"]["after"]) == {"/talker", "/listener"}
-    again = run(ros_registrations, **wanted)
-    assert (again["changed"], again["restored"]) == (False, [])
+    assert not brings_back(scene, graph)
     count = scene.log("/listener")[-1]["count"]
     until("more messages", lambda: scene.log("/listener")[-1]["count"] > count + 500)
     assert scene.log("/listener")[-1]["lost"] == 0
@@ -47,11 +46,9 @@ def test_present_gives_a_service_back_to_the_provider_that_survived(scene: Scene
     until("the new one", lambda: scene.registered()["/new"].services.get("/trigger"))
     assert "/trigger" not in scene.registered()["/old"].services
 
-    wanted = {"graph": graph, "nodes": ["/old", "/never"]}
-    done = run(ros_registrations, **wanted)
-    assert done["restored"] == [{"node": "/old", "kind": "service", "name": "/trigger"}]
-    assert done["skipped"] == [{"node": "/never", "reason": "it is not in the graph"}]
-    assert run(ros_registrations, **wanted)["changed"] is False
+    assert brings_back(scene, graph, "/old", "/never")
+    assert scene.registered()["/old"].services.get("/trigger")
+    assert not brings_back(scene, graph, "/old", "/never")
     scene.start("caller", "/caller")
     until("answers", lambda: len(scene.log("/caller")) > 10)
     scene.kill("/new", signal.SIGTERM)

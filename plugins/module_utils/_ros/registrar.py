@@ -7,12 +7,16 @@ The only code that changes a ROS graph for somebody else.
 from __future__ import annotations
 
 import errno
+import time
 from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
+from .._common.documents import Arguments, Data
 from .._common.errors import RosError
 from . import registrations
 from .backend import MasterState
+from .graph_json import graph_from
+from .names import is_meant
 from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
 from .replies import topic_types
 from .rpc import Api, Deadline, Master, in_parallel, reason, tell_publishers
@@ -21,6 +25,9 @@ from .transport import greet
 # Of an address whose kernel says that nothing is there; a time-out says only that nothing came in time.
 _GONE = frozenset({errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
 UPDATES = 3  # publisher lists are sent again where they changed meanwhile
+# A pod's address that is no more: its host finds that out by three ARP requests, one second each.
+UNREACHABLE = 5.0
+BETWEEN_LOOKS = 1.0
 
 
 class Registrar(Master):
@@ -103,3 +110,34 @@ class Registrar(Master):
         except (OSError, RosError):
             return False
         return reply.get("callerid", node) == node
+
+
+# ---- jobs of an update's step on the robot's host
+
+
+def register(arguments: Arguments) -> Data:
+    """Register again what the `graph` (`graph_json`) has of these `nodes` (all without names) and the master has not.
+
+    Only of nodes that answer at their recorded address, with their recorded process id, and that have the topic or the
+    service by their own word. Services point to the nodes of the graph afterwards.
+    """
+    ros, nodes = Registrar(arguments["master_uri"]), arguments["nodes"]
+    present, recorded = ros.snapshot(), registrations.from_graph(graph_from(arguments["graph"]))
+    wanted = {name: entry for name, entry in recorded.items() if not nodes or is_meant(name, nodes)}
+    need = registrations.missing(wanted, present, take_services=True)
+    calls = registrations.restore(need, present, ros.ask(need))
+    ros.apply(calls)
+    return {"changed": bool(calls)}
+
+
+def reap(arguments: Arguments) -> Data:
+    """Take back what those of the `nodes` left that are gone in two looks. One that is only late is not."""
+    ros, nodes = Registrar(arguments["master_uri"]), arguments["nodes"]
+    suspects = {name: entry for name, entry in ros.snapshot().items() if is_meant(name, nodes)}
+    first = ros.ask(suspects, UNREACHABLE, own_word=False)
+    suspects = {name: entry for name, entry in suspects.items() if registrations.gone(entry, first[name])}
+    if suspects:
+        time.sleep(BETWEEN_LOOKS)
+    calls = registrations.remove(suspects, [first, ros.ask(suspects, UNREACHABLE, own_word=False)])
+    ros.apply(calls)
+    return {"changed": bool(calls)}

@@ -4,6 +4,8 @@
 Two things are seen from the outside, of any app. A message whose type begins with a Header has a number, which the
 client libraries count up for each publisher: of one publisher none may be missing. And every app that listened has to
 be connected in every look, by the publishers' word, be it by the old or by the new one's node.
+
+It is an account of its own, for tests. It costs a robot's CPU what one more subscriber of each topic costs.
 """
 
 from __future__ import annotations
@@ -12,10 +14,11 @@ import struct
 import threading
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Iterable, Mapping
 
-from .._common.documents import Data, Document
-from .._common.errors import RosError
+from .._common.documents import Arguments, Data, Document
+from .._common.errors import FleetError, RosError
 from . import graph as ros
 from .backend import Questions
 from .client import Ros1Client
@@ -26,6 +29,7 @@ from .streams import Source, Streams
 
 LOGS = ("/rosout", "/rosout_agg")
 NUMBERS = 1 << 32
+PAUSE = 0.2  # seconds between two looks
 
 
 def has_number(header: Mapping[str, str]) -> bool:
@@ -172,8 +176,30 @@ class Watcher:
         with self._lock:
             self._counted.pop(source, None)
 
-    def result(self, may_pause: list[str]) -> Data:
-        """What there was, and what of it was lost."""
+    def result(self, may_pause: Iterable[str]) -> Data:
+        """`topics`: what came, by topic; `problems`: what of it was lost, but for topics that may pause; `looks`."""
         with self._lock:
             problems = self.traffic.problems(may_pause)
             return {"looks": self.traffic.looks, "topics": self.traffic.as_dict(), "problems": problems}
+
+
+def watch(arguments: Arguments) -> Data:
+    """Listen until the `end_file` is there, and look once more: `Watcher.result`. FleetError after so many `seconds`.
+
+    A master that is replaced does not answer for a while; only that the last look failed is a problem.
+    """
+    watcher, seconds = Watcher(Ros1Client(arguments["master_uri"])), arguments["seconds"]
+    end = Path(arguments["end_file"])
+    deadline = time.monotonic() + seconds
+    while True:
+        last, failed = end.exists(), []
+        try:
+            watcher.look()
+        except RosError as error:
+            failed = [f"the last look failed: {error}"]
+        if last:
+            found = watcher.result(arguments["may_pause"])
+            return {"changed": False, **found, "problems": [*found["problems"], *failed]}
+        if time.monotonic() > deadline:
+            raise FleetError(f"{end} is not there after {seconds} s")
+        time.sleep(PAUSE)
