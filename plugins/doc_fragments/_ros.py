@@ -1,13 +1,13 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What modules of a ROS 1 graph take: client.ROS_ARGS, and conditions.GATE_ARGS and VALUE_ARGS."""
+"""What modules of a ROS 1 graph take: client.ROS_ARGS, and as conditions GATE_ARGS and VALUE_ARGS."""
 
 from __future__ import annotations
 
 
 class ModuleDocFragment:
-    """Ansible merges these into what extends `rosops.fleet._ros`, `._ros.gate` or `._ros.values`."""
+    """Ansible merges these into what extends `rosops.fleet._ros` or `._ros.gate`."""
 
     DOCUMENTATION = r"""
 options:
@@ -147,10 +147,6 @@ options:
     description: Namespace that relative names in the other options stand in.
     type: str
     default: /
-"""
-
-    VALUES = r"""
-options:
   values:
     description:
       - What messages must say. They are read from the publishers themselves, without being registered with the master,

@@ -35,7 +35,6 @@ options:
     default: 0.0
 extends_documentation_fragment:
   - rosops.fleet._ros.gate
-  - rosops.fleet._ros.values
   - rosops.fleet._ros
   - rosops.fleet._attributes.read_only
 seealso:

@@ -24,7 +24,7 @@ from .checks import (
     check_service,
     check_topic,
 )
-from .conditions import Conditions, TopicCondition
+from .conditions import Conditions
 from .graph import Graph, Handshake, Rate
 from .names import by_pod
 
@@ -51,8 +51,8 @@ def questions(state: MasterState, conditions: Conditions) -> Questions:
         types = ("types",) if topic.type else ()
         if topic.publisher:
             ask([topic.publisher], *types, *(("bus",) if topic.connected else ()))
-            counted = (publishers if topic.publishers is not None else (), subscribers if _asks_peers(topic) else ())
-            ask((*counted[0], *counted[1]))
+            ask(publishers if topic.publishers is not None else ())
+            ask(subscribers if topic.connected or topic.subscribers is not None else ())
         else:
             ask((*publishers, *subscribers), *types)
             ask(publishers if topic.connected else (), "bus")
@@ -78,10 +78,6 @@ def as_registered(ros: Backend, state: MasterState, conditions: Conditions) -> C
     now = {name: max(names, key=lambda one: graph.node(one).reachable) for name, names in pods.items()}
     absent = tuple(one for name in conditions.absent for one in pods.get(name, [name]))
     return replace(conditions.renamed(now), absent=absent)
-
-
-def _asks_peers(topic: TopicCondition) -> bool:
-    return topic.connected or topic.subscribers is not None
 
 
 def rate_window(min_rate: float) -> float:
@@ -158,12 +154,12 @@ class Look:
 
 def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[str]]]:
     """How long to count each topic's messages, and which nodes', where that is not everybody's."""
-    rated = [topic for topic in conditions.topics if topic.min_rate]
     seconds: dict[str, float] = {}
     whose: dict[str, list[str]] = {}
-    for topic in rated:
-        seconds[topic.name] = max(seconds.get(topic.name, 0.0), rate_window(topic.min_rate or 0.0))
-        whose.setdefault(topic.name, []).append(topic.publisher or "")
+    for topic in conditions.topics:
+        if topic.min_rate:
+            seconds[topic.name] = max(seconds.get(topic.name, 0.0), rate_window(topic.min_rate))
+            whose.setdefault(topic.name, []).append(topic.publisher or "")
     return seconds, {name: names for name, names in whose.items() if all(names)}
 
 

@@ -14,7 +14,7 @@ import contextlib
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping, Protocol
+from typing import Any, Callable, Iterable, Mapping
 
 from .._common.documents import Arguments, Data
 from .._common.errors import FleetError, RosError
@@ -34,20 +34,63 @@ INTERVAL = 0.1
 STEP = "/rosops_fleet_step"  # the caller id of an update's step
 
 
-class World(Protocol):
-    """What is asked and done."""
+class IdleRobot:
+    """What is asked and done. Goals are held for so many `seconds` at most, from the moment at which they are."""
+
+    def __init__(
+        self, ros: Ros1Client, keeper: KeeperCalls, conditions: Conditions, seconds: Callable[[], float]
+    ) -> None:
+        self.ros, self.keeper, self.conditions, self.seconds = ros, keeper, conditions, seconds
+        self.listener = Listener(ros, conditions.values) if conditions.values else None
 
     def look(self) -> Seen:
         """Whether all actions are idle; what was observed is handed on."""
+        seen = look(self.ros, self.conditions, ears=self.listener.checks if self.listener else None)
+        return Seen(seen.verdict, seen)
 
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
         """Action -> why its goals are not held, or nothing. All at once: who hangs is waited for a single time."""
+        try:
+            now = self._now(servers)
+        except (OSError, RosError) as error:
+            return dict.fromkeys(servers, str(error))
+        return at_once({name: partial(self.keeper.hold, name, one, self.seconds()) for name, one in now.items()})
 
-    def isolate(self, servers: Mapping[str, str]) -> None:
-        """Tell each action's server that nobody sends it goals."""
+    def _now(self, servers: Mapping[str, str]) -> dict[str, str]:
+        """What each action's server is called in its pod."""
+        there = self.ros.state()
+        return {
+            action: next((one for one in there.servers(action) if is_meant(one, [server])), server)
+            for action, server in servers.items()
+        }
 
     def release(self, actions: Iterable[str]) -> Mapping[str, str]:
         """Action -> why its goals may not have been let go, or nothing. All at once."""
+        return at_once({name: partial(self.keeper.release, name) for name in actions})
+
+    def isolate(self, servers: Mapping[str, str]) -> None:
+        """Tell each action's server that nobody sends it goals.
+
+        roscpp's servers hang up; rospy's have lost their clients to the keeper already.
+        """
+        unheard = contextlib.suppress(OSError, RosError)  # whatever comes through after all shows in the next look
+        with unheard:
+            now = self._now(servers)
+            uris = self.ros.addresses(dict.fromkeys(now.values()))[0]
+            for action, server in now.items():
+                with unheard:
+                    if server in uris:
+                        tell_publishers(uris[server], f"{action}/goal", [], self.ros.timeout)
+
+    def close(self) -> None:
+        """Listen no more."""
+        if self.listener:
+            self.listener.close()
+
+
+def at_once(calls: Mapping[str, Callable[[], str]]) -> Mapping[str, str]:
+    """Calls of the keeper, by action."""
+    return in_parallel(calls, TIMEOUT + 1, lambda _action, error: str(error))
 
 
 @dataclass(frozen=True)
@@ -71,7 +114,7 @@ def _told(check: Check) -> str:
 
 
 def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-    world: World,
+    robot: IdleRobot,
     servers: Mapping[str, str],
     timeout: float,
     interval: float,
@@ -89,78 +132,25 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
     while True:
         left = max(interval, start + timeout - now())  # never less than two looks, whoever does not want to wait
         # before a hold once is enough: what counts is the look after it
-        ended = poll(world.look, left, interval, 1 if servers else looks, now=now, sleep=sleep)
+        ended = poll(robot.look, left, interval, 1 if servers else looks, now=now, sleep=sleep)
         if ended.verdict != PASS or not servers:
             return Held(ended.verdict, ended.last)
-        refused = world.hold(servers)
+        refused = robot.hold(servers)
         held = {action: server for action, server in servers.items() if not refused[action]}
         problems = [f"goals of {action} are not held: {why}" for action, why in refused.items() if why]
 
         def rest(held: Mapping[str, str] = held) -> Seen:
             if held:
-                world.isolate(held)  # at every look: the master tells the server of each new client
-            return world.look()
+                robot.isolate(held)  # at every look: the master tells the server of each new client
+            return robot.look()
 
         again = poll(rest, SECOND_LOOK, INTERVAL, CONSECUTIVE, now=now, sleep=sleep)
         if again.verdict == PASS:
             return Held(PASS, again.last, tuple(held), tuple(problems))
-        let_go = world.release(servers)  # of all: a keeper that answered too late holds, too
+        let_go = robot.release(servers)  # of all: a keeper that answered too late holds, too
         problems += [why for action, why in let_go.items() if why and action in held]
         if again.verdict != WAIT or now() - start >= timeout:
             return Held(again.verdict, again.last, (), tuple(problems))
-
-
-class IdleRobot:
-    """The world of a robot on the network. Goals are held for so many `seconds` at most, from when they are."""
-
-    def __init__(
-        self, ros: Ros1Client, keeper: KeeperCalls, conditions: Conditions, seconds: Callable[[], float]
-    ) -> None:
-        self.ros, self.keeper, self.conditions, self.seconds = ros, keeper, conditions, seconds
-        self.listener = Listener(ros, conditions.values) if conditions.values else None
-
-    def look(self) -> Seen:
-        seen = look(self.ros, self.conditions, ears=self.listener.checks if self.listener else None)
-        return Seen(seen.verdict, seen)
-
-    def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
-        try:
-            now = self._now(servers)
-        except (OSError, RosError) as error:
-            return dict.fromkeys(servers, str(error))
-        return at_once({name: partial(self.keeper.hold, name, one, self.seconds()) for name, one in now.items()})
-
-    def _now(self, servers: Mapping[str, str]) -> dict[str, str]:
-        """What each action's server is called in its pod."""
-        there = self.ros.state()
-        return {
-            action: next((one for one in there.servers(action) if is_meant(one, [server])), server)
-            for action, server in servers.items()
-        }
-
-    def release(self, actions: Iterable[str]) -> Mapping[str, str]:
-        return at_once({name: partial(self.keeper.release, name) for name in actions})
-
-    def isolate(self, servers: Mapping[str, str]) -> None:
-        """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
-        unheard = contextlib.suppress(OSError, RosError)  # whatever comes through after all shows in the next look
-        with unheard:
-            now = self._now(servers)
-            uris = self.ros.addresses(dict.fromkeys(now.values()))[0]
-            for action, server in now.items():
-                with unheard:
-                    if server in uris:
-                        tell_publishers(uris[server], f"{action}/goal", [], self.ros.timeout)
-
-    def close(self) -> None:
-        """Listen no more."""
-        if self.listener:
-            self.listener.close()
-
-
-def at_once(calls: Mapping[str, Callable[[], str]]) -> Mapping[str, str]:
-    """Calls of the keeper, by action: who hangs is waited for a single time."""
-    return in_parallel(calls, TIMEOUT + 1, lambda _action, error: str(error))
 
 
 # ---- jobs of an update's step on the robot's host

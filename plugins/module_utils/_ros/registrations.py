@@ -163,23 +163,14 @@ def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness]) 
 
     Registering the old address of a name that a newer process has would make the master shut that one down.
     """
-    return _ordered(
-        {
-            node: _own_word(entry, answers[node])
-            for node, entry in need.items()
-            if present.get(node, entry).uri == entry.uri and node in answers and not alive(entry, answers[node])
-        }
-    )
 
+    def confirmed(entry: Entry, answer: Liveness) -> Entry:
+        own = {kind: getattr(answer, part) for kind, part in KINDS.items()}
+        return entry.only(lambda kind, name: own[kind] is None or name in own[kind])
 
-def _own_word(entry: Entry, answer: Liveness) -> Entry:
-    """The part of an entry that the node confirms."""
-
-    def has(kind: str, name: str) -> bool:
-        own = getattr(answer, KINDS[kind])
-        return own is None or name in own
-
-    return entry.only(has)
+    asked = {node: entry for node, entry in need.items() if present.get(node, entry).uri == entry.uri}
+    living = {node: entry for node, entry in asked.items() if node in answers and not alive(entry, answers[node])}
+    return _ordered({node: confirmed(entry, answers[node]) for node, entry in living.items()})
 
 
 def remove(present: Snapshot, answers: Sequence[Mapping[str, Liveness]]) -> tuple[Call, ...]:

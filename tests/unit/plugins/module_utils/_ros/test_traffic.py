@@ -9,7 +9,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import traffic
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, Node, NodeKey, Topic
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Stream, Traffic, Watcher, has_number
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Traffic, Watcher, has_number
 
 SCAN, OLD, NEW, MAP, MAP2 = "/scan", "/lidar_00000001", "/lidar_00000002", "/mapping_0000000a", "/mapping_0000000b"
 HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"
@@ -34,11 +34,11 @@ def watched(*looks: Graph) -> Traffic:
 
 def take(traffic: Traffic, *numbers: int | None) -> None:
     """One publisher's messages, a tenth of a second apart."""
-    stream = Stream()
-    traffic.topics[SCAN].streams.append(stream)
+    topic, before = traffic.topics[SCAN], None
+    topic.publishers += 1
     for number in numbers:
-        topic = traffic.topics[SCAN]
-        topic.take(stream, (topic.last or 0.0) + 0.1, number)
+        topic.take((topic.last or 0.0) + 0.1, number, before)
+        before = number
 
 
 def test_apps_that_hand_over_lose_nothing() -> None:
