@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import time
 import xmlrpc.client
@@ -200,21 +199,3 @@ def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> No
     assert found.all("ros_topic_messages_total", node="/shouter") == []
     # the other end still counts
     assert messages(found, "/loud", "/listener", "in") > 0
-
-
-def test_updates_are_metrics_and_lines(scene: ExporterScene, tmp_path: Path) -> None:
-    record = tmp_path / "updates.json"
-    record.write_text('{"updates": [{"id": "1", "app": "camera", "handoff": "overlap", "outcome": "running"}]}')
-    scene.start_exporter("--updates", str(record))
-    scene.until("the update", "robot_update_info", 1, app="camera", outcome="running")
-    record.write_text(record.read_text().replace("running", "updated"))
-    scene.until("its end", "robot_update_info", 1, app="camera", outcome="updated")
-    lines = [json.loads(line) for line in scene.said().splitlines() if line.startswith("{")]
-    assert [(line["event"], line["id"], line["outcome"]) for line in lines] == [("update", "1", "updated")]
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_ends_when_it_is_told_to(scene: ExporterScene, number: int) -> None:
-    exporter = scene.start_exporter()
-    exporter.send_signal(number)
-    assert exporter.wait(5) == 0

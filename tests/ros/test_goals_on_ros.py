@@ -11,9 +11,6 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import idle_robot
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
 from scene import LOST, RECALLED, SUCCEEDED, Scene, until
 
 HANDOVERS = int(os.environ.get("ROSOPS_HANDOVERS", "8"))
@@ -32,37 +29,9 @@ class Server:
         self.process = self.scene.start(self.kind, SERVER, ACTION, log=f"server_{self.number}")
         return self.process
 
-    def uri(self) -> str:
-        return self.scene.registered()[SERVER].uri
-
-    def hold(self, seconds: float = 60) -> Any:
-        return self.scene.keeper_api.hold(ACTION, SERVER, seconds)  # type: ignore[operator]
-
-    def until_idle(self) -> None:
-        """No goal in two statuses, twice, as the stop hook looks."""
-        ros, uri, quiet = Ros1Client(self.scene.uri), self.uri(), 0
-        end = time.monotonic() + 20
-        while quiet < 2:
-            assert time.monotonic() < end, "the server was never idle"
-            self.isolate(uri)
-            reading = ros.status(ACTION, uri)
-            states = {state for states in reading.readings for state in states}
-            quiet = 0 if states & BUSY_STATES or len(reading.readings) < 2 else quiet + 1
-            time.sleep(0.1)
-
-    def isolate(self, uri: str) -> None:
-        with Api(uri, "/tester", Deadline(2.0)) as api:
-            api.call("publisherUpdate", f"{ACTION}/goal", [])
-
     def stop(self) -> None:
-        """Idle, then shut down through its slave API."""
-        self.until_idle()
-        try:
-            with Api(self.uri(), "/tester", Deadline(2.0)) as api:
-                api.call("shutdown", "replaced")
-        except OSError:
-            pass  # it may end before it has answered
-        self.process.wait(10)
+        """By the stop hook of its pod, which has the keeper hold the goals that come."""
+        assert self.scene.run_stop_hook(SERVER) == ""
 
     def executed(self) -> list[dict[str, Any]]:
         return [line for number in range(1, self.number + 1) for line in self.scene.log(f"server_{number}")]
@@ -135,8 +104,6 @@ def test_hand_overs(scene: Scene) -> None:
     times = []
     for _turn in range(HANDOVERS):
         began = time.monotonic()
-        good, message, clients = server.hold()
-        assert (good, message, clients) == (1, "", 1)
         server.stop()
         server.start()
         let_go(scene)
@@ -151,7 +118,6 @@ def test_hand_overs(scene: Scene) -> None:
 def test_several_clients(scene: Scene) -> None:
     server = begin(scene, "pool", a=("1000", "100"), b=("4000", "150"), c=("7000", "230"))
     for turn in range(HANDOVERS // 4):
-        assert server.hold() == [1, "", 3 + turn]
         server.stop()
         scene.start("client", f"/late_{turn}", ACTION, str(10000 + 2000 * turn), "0", "200")  # and one more each time
         until("the newcomer", lambda turn=turn: f"/late_{turn}" in scene.registered())  # type: ignore[misc]
@@ -165,7 +131,6 @@ def test_a_goal_that_is_cancelled_while_it_is_held(scene: Scene) -> None:
     server = begin(scene)
     scene.start("canceller", "/canceller", ACTION)
     until("the client", lambda: scene.log("canceller"))
-    assert server.hold()[2] == 1
     server.stop()
     scene.kill("/canceller", signal.SIGUSR1)
     until("the cancel", lambda: "was cancelled while it is held" in scene.said())
@@ -186,7 +151,6 @@ def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene) -> None:
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     time.sleep(0.5)  # the API server is slow
     assert len(server.executed()) == begun, "the old server got a goal"
-    server.hold()  # its stop hook
     server.stop()
     server.start()
     let_go(scene)
@@ -211,7 +175,6 @@ def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene) -> None:
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_the_keeper_is_restarted_in_the_middle(scene: Scene, number: int) -> None:
     server = begin(scene, boss=("1000", "20"))
-    server.hold()
     server.stop()
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     scene.kill("keeper", number)
@@ -226,7 +189,6 @@ def test_the_keeper_is_restarted_in_the_middle(scene: Scene, number: int) -> Non
 def test_the_master_is_restarted_in_the_middle(scene: Scene) -> None:
     server = begin(scene, boss=("1000", "20"))
     scene.until_recorded("/boss", SERVER)
-    server.hold()
     server.stop()
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     scene.kill("master")

@@ -35,11 +35,6 @@ class GraphScene(Scene):
         """A roscpp node."""
         self._start(name, str(RELAY), topic, to, f"__name:={name}")
 
-    def stop(self, name: str, kill: bool = False) -> None:
-        process = self.processes.pop(name)
-        (process.kill if kill else process.terminate)()
-        process.wait(20)
-
     def read(self, **params: Any) -> dict[str, Any]:
         return read(self.client, {**{name: spec.get("default") for name, spec in INFO_ARGS.items()}, **params})
 

@@ -81,18 +81,6 @@ def talking(scene: Scene, pod: Pod) -> None:
     scene.start("talker", pod.node)
 
 
-def test_a_talker_starts_is_ready_and_leaves(scene: Scene, pods: Any) -> None:
-    pod = pods("talker", min_rates={"/numbers": 450})
-    talking(scene, pod)
-    assert pod.call("started") == (0, "")
-    began = time.monotonic()
-    assert pod.call("stop") == (0, "")
-    assert time.monotonic() - began < 3
-    scene.processes[pod.node].wait(5)
-    assert pod.node not in scene.registered()
-    assert "/listener" in scene.registered()
-
-
 @pytest.mark.parametrize("own_name", [False, True])
 def test_parameters_come_before_the_app_and_go_with_its_node(scene: Scene, pods: Any, own_name: bool) -> None:
     pod = pods("talker", params={"~rate": 20, "~pid": {"gain": 1.5, "names": ["a"], "on": True}, "/limits/speed": 2})
@@ -310,23 +298,3 @@ def test_a_busy_server_is_let_finish_and_one_that_the_app_names_itself_not_shut_
     assert not any("broken" in line for line in scene.log(node))
     assert node not in scene.registered()
     assert named or scene.processes[node].poll() is None  # it lives until it gets its signal
-
-
-def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> None:
-    """Goals back to back: the old server is never idle for long, and no goal may be lost, broken or done twice."""
-    old = pods("worker", stop_deadline=20, keeper=f"http://127.0.0.1:{scene.keeper_port}")
-    scene.start_master()
-    scene.start_keeper()
-    scene.start("server", old.node)
-    assert old.call("started") == (0, "")
-    scene.start("client", "/boss", "/work", "1", "60", "100")
-    until("ten goals", lambda: sum("goal" in line for line in scene.log("/boss")) >= 10)
-    assert old.call("stop") == (0, "")
-    scene.processes[old.node].wait(10)
-    new = pods("next", stop_deadline=20)
-    scene.start("server", new.node)
-    assert new.call("started") == (0, "")
-    until("all goals", lambda: sum("goal" in line for line in scene.log("/boss")) == 60, 60)
-    assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED] * 60
-    done = [line["end"] for node in (old.node, new.node) for line in scene.log(node) if "end" in line]
-    assert sorted(done) == [number * 100000 + 100 for number in range(1, 61)]

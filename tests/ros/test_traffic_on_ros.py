@@ -21,11 +21,6 @@ class TrafficScene(Scene):
         super().__init__(directory)
         self.watcher, self.before = Watcher(Ros1Client(self.uri, 3.0)), dict[int, int]()
 
-    def stop(self, name: str) -> None:
-        process = self.processes.pop(name)
-        process.terminate()
-        process.wait(20)
-
     def look_until(self, what: str, true: Any) -> None:
         until(what, lambda: self.watcher.look() or true())
 
