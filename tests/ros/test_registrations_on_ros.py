@@ -15,27 +15,6 @@ def brings_back(scene: Scene, graph: dict[str, Any], *nodes: str) -> bool:
     return bool(register({"master_uri": scene.uri, "graph": graph, "nodes": nodes})["changed"])
 
 
-def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:
-    scene.start_master()
-    for kind, name in (("talker", "/talker"), ("listener", "/listener"), ("service", "/adder")):
-        scene.start(kind, name)
-    until("messages", lambda: scene.log("/listener")[-1]["count"] > 100)
-    until("the service", lambda: scene.log("/adder"))
-    graph = run(ros_graph_info)["graph"]
-    before = scene.registered()
-    scene.kill("master")
-    scene.kill("/adder")
-    scene.start_master()
-
-    assert brings_back(scene, graph)
-    del before["/adder"]
-    assert scene.registered() == before
-    assert not brings_back(scene, graph)
-    count = scene.log("/listener")[-1]["count"]
-    until("more messages", lambda: scene.log("/listener")[-1]["count"] > count + 500)
-    assert scene.log("/listener")[-1]["lost"] == 0
-
-
 def test_present_gives_a_service_back_to_the_provider_that_survived(scene: Scene, run: Run) -> None:
     """The roll-back: the new version has taken the service over, and is about to go."""
     scene.start_master()

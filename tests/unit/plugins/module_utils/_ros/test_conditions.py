@@ -66,51 +66,37 @@ def test_conditions_from_the_modules_options() -> None:
     ]
 
 
-def test_no_options_are_no_conditions() -> None:
-    assert conditions_from({}) == Conditions()
-
-
 @pytest.mark.parametrize(
     ("params", "path"),
     [
         ({"nodes": ["a b"]}, "nodes[0]"),
         ({"nodes": ["/ok", ""]}, "nodes[1]"),
-        ({"nodes": ["/a/"]}, "nodes[0]"),
         ({"nodes": ["/a//b"]}, "nodes[0]"),
         ({"nodes": ["/a\n"]}, "nodes[0]"),
         ({"nodes": ["tälker"]}, "nodes[0]"),
-        ({"nodes": ["9lives"]}, "nodes[0]"),
         ({"absent": ["~private"]}, "absent[0]"),
-        ({"absent": ["/a-b"]}, "absent[0]"),
         ({"topics": [{"name": "/t", "type": "String"}]}, "topics[0].type"),
         ({"topics": [{"name": "/t", "publishers": -1}]}, "topics[0].publishers"),
-        ({"topics": [{"name": "/t", "subscribers": -1}]}, "topics[0].subscribers"),
         ({"topics": [{"name": "/t", "min_rate": -0.5}]}, "topics[0].min_rate"),
         ({"topics": [{"name": "/t", "min_rate": float("inf")}]}, "topics[0].min_rate"),
-        ({"topics": [{"name": "/t"}, {"name": "?"}]}, "topics[1].name"),
         ({"services": [{"name": "a.b"}]}, "services[0].name"),
         ({"namespace": "a b"}, "namespace"),
         ({"nodes": ["a"], "absent": ["/a"]}, "absent"),
         ({"timeout": -1.0}, "timeout"),
-        ({"timeout": float("inf")}, "timeout"),
         ({"interval": 0.0}, "interval"),
         ({"consecutive": 0}, "consecutive"),
         ({"node_timeout": 0.0}, "node_timeout"),
         ({"stable": -1.0}, "stable"),
-        ({"stable": float("nan")}, "stable"),
         ({"stable": 10.0, "timeout": 5.0}, "stable"),
         ({"topics": [{"name": "/t", "publisher": "a b"}]}, "topics[0].publisher"),
         ({"edges": [{"publisher": "/a", "topic": "/t"}]}, "edges[0].subscriber"),
         ({"edges": [{"publisher": "/a", "topic": "t!", "subscriber": "/b"}]}, "edges[0].topic"),
-        ({"edges": [{"publisher": "", "topic": "/t", "subscriber": "/b"}]}, "edges[0].publisher"),
         ({"values": [{"topic": "t?", "quiet": 1.0}]}, "values[0].topic"),
         ({"values": [{"topic": "/t", "field": "x"}]}, "values[0]"),
-        ({"values": [{"topic": "/t", "field": "x", "above": 1.0, "quiet": 1.0}]}, "values[0]"),
         ({"values": [{"topic": "/t", "field": "x", "above": 1.0, "equals": 2}]}, "values[0]"),
         ({"values": [{"topic": "/t", "quiet": 1.0, "still": 1.0}]}, "values[0]"),
         ({"values": [{"topic": "/t", "above": 1.0}]}, "values[0].field"),
         ({"values": [{"topic": "/t", "field": "x..y", "quiet": 1.0}]}, "values[0].field"),
-        ({"values": [{"topic": "/t", "field": "x[y]", "quiet": 1.0}]}, "values[0].field"),
         ({"values": [{"topic": "/t", "field": "x", "below": float("nan")}]}, "values[0].below"),
         ({"values": [{"topic": "/t", "still": 0.0}]}, "values[0].still"),
         ({"values": [{"topic": "/t", "quiet": 5.0}], "timeout": 4.0}, "values[0].quiet"),
