@@ -23,18 +23,8 @@ options:
         V(ros_register) brings lost registrations of living nodes back, V(ros_reap) removes those of dead ones,
         V(ros_watch) says what of an update's traffic was lost.
     type: str
-    choices:
-      - facts
-      - k3s_facts
-      - k3s_ready
-      - k3s_download
-      - k3s_change
-      - k3s_remove
-      - ros_hold
-      - ros_release
-      - ros_register
-      - ros_reap
-      - ros_watch
+    choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove,
+              ros_hold, ros_release, ros_register, ros_reap, ros_watch]
     required: true
   arguments:
     description: What the job takes.

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 import xmlrpc.client
 from collections.abc import Iterator
@@ -89,43 +88,6 @@ def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene
     assert system_state(scene) == before
     assert met == {"/listener_1", "/listener_2"}
     assert {value for _labels, value in last.all("ros_exporter_scrape_errors_total")} == {0.0}
-
-
-def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
-    scene.start("counted", "/talker")
-    scene.until_registered("/talker")
-    scene.start("listener", "/hanging", "/fast")
-    scene.start("listener", "/killed", "/fast")
-    scene.start("service", "/adder")
-    scene.start_exporter()
-    for node in ("/talker", "/hanging", "/killed", "/adder"):
-        scene.until("all nodes", "ros_node_up", 1, node=node)
-    scene.until("the service", "ros_service_up", 1, service="/trigger", node="/adder")
-    assert not [labels for labels, _value in scene.scrape().all("ros_service_up") if "logger" in labels["service"]]
-    scene.kill("/hanging", signal.SIGSTOP)
-    scene.kill("/killed")
-    scene.kill("/adder")
-    for node in ("/hanging", "/killed", "/adder"):
-        down = scene.until("it to be down", "ros_node_up", 0, node=node)
-        assert down.all("ros_topic_messages_total", node=node) == []  # what it counts now, nobody knows
-    assert down("ros_service_up", service="/trigger", node="/adder") == 0
-    first = scene.scrape()
-    waits = []
-    last = first
-    while last("ros_exporter_polls_total") < first("ros_exporter_polls_total") + 4:
-        last = scene.scrape()
-        waits.append(last.seconds)
-        time.sleep(0.1)
-    for why in ("timeout", "refused"):
-        name = "ros_exporter_scrape_errors_total"
-        assert last(name, reason=why) > first(name, reason=why), why
-    assert last("ros_exporter_poll_duration_seconds") >= 1.0  # one time-out, of the node that hangs
-    assert max(waits) < 0.5  # of which no scrape knows
-    scene.kill("/hanging", signal.SIGCONT)
-    scene.until("it to be back", "ros_node_up", 1, node="/hanging")
-    ours, theirs = between_polls(scene, first, last, "/talker")
-    assert ours == pytest.approx(theirs, rel=TOLERANCE)
-    print(f"\nslowest scrape while a node hangs: {max(waits) * 1000:.0f} ms")
 
 
 def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:

@@ -230,20 +230,6 @@ def test_a_pod_that_no_step_brings_takes_the_place_of_the_one_before_when_it_has
     assert {new.node} == {node for node in scene.registered() if node.startswith("/talker_")}
 
 
-def test_dead_and_hung_subscribers_block_nobody(scene: Scene, pods: Any) -> None:
-    pod = pods("talker")
-    scene.start_master()
-    for name in ("/dead", "/hung"):
-        scene.start("listener", name)
-        until("registered", lambda name=name: name in scene.registered())
-    scene.kill("/dead")
-    scene.kill("/hung", 19)  # SIGSTOP
-    scene.start("talker", pod.node)
-    began = time.monotonic()
-    assert pod.call("started") == (0, "")
-    assert 5 < time.monotonic() - began < 12  # it might have been slow only
-
-
 def test_a_service_is_served_under_its_own_name(scene: Scene, pods: Any) -> None:
     pod, other = pods("adder"), pods("second")
     scene.start_master()

@@ -65,11 +65,6 @@ def test_a_subscriber_is_told_until_the_list_stays_the_same(peers: Peers) -> Non
     assert told == [["http://h/p:1/"], ["http://h/p:1/", "http://h/q:1/"]]
 
 
-def test_no_master() -> None:
-    with pytest.raises(RosError, match="does not answer"):
-        Registrar("http://127.0.0.1:1/", 0.5).snapshot()
-
-
 # ---- the jobs of a step
 
 URI, SERVICE = "http://10.0.0.1:1/", "rosrpc://10.0.0.1:3"

@@ -20,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import (
     connections,
     loads,
     master_state,
-    shared_uris,
     topic_types,
     unwrap,
 )
@@ -186,7 +185,3 @@ def test_a_node_nobody_asked_is_neither_up_nor_wrong_and_one_the_master_no_longe
     assert (node.asked, node.reachable, node.error, node.uri) == (False, False, "", "")
     assert node.services == ("/talker_a/get_loggers", "/talker_a/set_logger_level")
     assert build(MasterState(), {"/gone": NodeAnswer("http://h:1/", 7)}).node("/gone").reachable
-
-
-def test_two_names_at_one_address() -> None:
-    assert shared_uris({"/a": "u1", "/b": "u2", "/c": "u1", "/d": "", "/e": ""}) == {"/a", "/c"}
