@@ -230,22 +230,6 @@ def test_a_pod_that_no_step_brings_takes_the_place_of_the_one_before_when_it_has
     assert {new.node} == {node for node in scene.registered() if node.startswith("/talker_")}
 
 
-def test_a_service_is_served_under_its_own_name(scene: Scene, pods: Any) -> None:
-    pod, other = pods("adder"), pods("second")
-    scene.start_master()
-    scene.start("service", pod.node)
-    assert pod.call("started") == (0, "")
-    scene.start("caller", "/caller")
-    until("answers", lambda: len(scene.log("/caller")) > 5)
-    scene.start("service", other.node)
-    assert other.call("started") == (0, "")
-    assert pod.call("stop") == (0, "")
-    seen = len(scene.log("/caller"))
-    until("more answers", lambda: len(scene.log("/caller")) > seen + 10)
-    assert all(line["ok"] for line in scene.log("/caller"))
-    assert scene.log("/caller")[-1]["answer"] == other.node
-
-
 def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_for(scene: Scene, pods: Any) -> None:
     """rospy's threads end with the process: the caller of a node that is shut down at once gets an error."""
     pod = pods("planner")

@@ -28,13 +28,10 @@ def test_conditions_from_the_modules_options() -> None:
             "services": [{"name": "add"}],
             "actions": [{"name": "move", "state": "idle"}, {"name": "/look"}],
             "absent": ["/old_1234"],
-            "edges": [
-                {"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"},
-                {"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": None},
-            ],
+            "edges": [{"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"}],
             "values": [
                 {"topic": "battery", "field": "percentage", "above": 0.4, "below": None, "tolerance": 0.0},
-                {"topic": "/odom", "field": "twist.twist", "still": 5.0, "tolerance": 0.01},
+                {"topic": "/odom", "still": 5.0, "tolerance": 0.01},
                 {"topic": "/dock", "field": "states[0].word", "equals": False},
             ],
         }
@@ -49,19 +46,16 @@ def test_conditions_from_the_modules_options() -> None:
         services=("/robot1/add",),
         actions=(ActionCondition("/robot1/move", "idle"), ActionCondition("/look", "up")),
         absent=("/old_1234",),
-        edges=(
-            EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),
-            EdgeCondition("/a", "/t", "/b"),
-        ),
+        edges=(EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),),
         values=(
             ValueCondition("/robot1/battery", "percentage", above=0.4),
-            ValueCondition("/odom", "twist.twist", still=5.0, tolerance=0.01),
+            ValueCondition("/odom", still=5.0, tolerance=0.01),
             ValueCondition("/dock", "states[0].word", equals=False),
         ),
     )
     assert [str(value) for value in found.values] == [
         "/robot1/battery percentage above 0.4",
-        "/odom twist.twist still for 5 s",
+        "/odom still for 5 s",
         "/dock states[0].word equal to False",
     ]
 
