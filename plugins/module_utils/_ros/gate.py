@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Callable, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Iterable, List, Mapping, Optional, Tuple
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
@@ -168,17 +168,10 @@ def handshakes(ros: Backend, graph: Graph, conditions: Conditions) -> Said:
     found = {}
     for topic in conditions.topics:
         if topic.latched:
-            alone = _by(graph, {topic.name: [topic.publisher]} if topic.publisher else {})
+            alone = graph.published_by({topic.name: [topic.publisher]} if topic.publisher else {})
             said = ros.handshakes(alone, [topic.name])
             found.update({(name, topic.publisher): handshake for name, handshake in said.items()})
     return found
-
-
-def _by(graph: Graph, nodes: Mapping[str, Sequence[str]]) -> Graph:
-    """The graph in which these nodes alone publish the topics."""
-    return graph.published_by(
-        {name: [key for key in graph.topic(name).publishers if key.name in own] for name, own in nodes.items()}
-    )
 
 
 def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, ears: Ears | None = None) -> Look:
@@ -204,7 +197,7 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
         streamed = [check for check in checks if check.kind in _STREAMED]
         if streamed and all(check.verdict == PASS for check in checks if check not in streamed):
             seconds, only = rate_plan(wanted)
-            rates = ros.rates(_by(graph, only), seconds) if seconds else {}
+            rates = ros.rates(graph.published_by(only), seconds) if seconds else {}
             _graph, _wanted, checks = seen(rates, handshakes(ros, graph, wanted))
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)

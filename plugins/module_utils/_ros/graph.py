@@ -305,18 +305,18 @@ class Graph:
         """
         if not nodes:
             return self
-        own = {
-            name: [key for key, _peer in topic.connections if is_meant(key.name, nodes)]
-            for name, topic in self.topics.items()
-        }
+        ends = {name: {key.name for key, _peer in topic.connections} for name, topic in self.topics.items()}
+        own = {name: [node for node in ends[name] if is_meant(node, nodes)] for name in ends}
         topics = self.published_by(own).topics.items()
         return replace(self, topics={name: topic for name, topic in topics if topic.publishers})
 
-    def published_by(self, publishers: Mapping[str, Iterable[NodeKey]]) -> Graph:
-        """The graph in which some of its topics have these publishers alone, so that no others are listened to."""
-        own = {name: tuple(dict.fromkeys(keys)) for name, keys in publishers.items() if name in self.topics}
-        topics = {name: replace(self.topics[name], publishers=keys) for name, keys in own.items()}
-        return replace(self, topics={**self.topics, **topics})
+    def published_by(self, nodes: Mapping[str, Collection[str]]) -> Graph:
+        """The graph in which some of its topics have these nodes alone as publishers: no others are listened to."""
+        topics = dict(self.topics)
+        for name in nodes.keys() & topics.keys():
+            own = tuple(key for key in topics[name].publishers if key.name in nodes[name])
+            topics[name] = replace(topics[name], publishers=own)
+        return replace(self, topics=topics)
 
     # ---- what is found out later
 

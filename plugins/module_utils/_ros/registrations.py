@@ -128,17 +128,17 @@ def missing(wanted: Snapshot, present: Snapshot, take_services: bool = False) ->
     where it points nowhere.
     """
     addresses = {service: uri for entry in present.values() for service, uri in entry.services.items()}
-    found = {node: _lacking(entry, present.get(node), addresses, take_services) for node, entry in wanted.items()}
+
+    def lacking(entry: Entry, there: Entry) -> Entry:
+        def lacks(kind: str, name: str) -> bool:
+            if kind == SERVICE:
+                return addresses.get(name) != entry.services[name] if take_services else name not in addresses
+            return there.uri != entry.uri or name not in there.part(kind)
+
+        return entry.only(lacks)
+
+    found = {node: lacking(entry, present.get(node, Entry(""))) for node, entry in wanted.items()}
     return {node: need for node, need in found.items() if not need.empty}
-
-
-def _lacking(entry: Entry, there: Entry | None, addresses: Mapping[str, str], take_services: bool) -> Entry:
-    def lacks(kind: str, name: str) -> bool:
-        if kind == SERVICE:
-            return addresses.get(name) != entry.services[name] if take_services else name not in addresses
-        return there is None or there.uri != entry.uri or name not in there.part(kind)
-
-    return entry.only(lacks)
 
 
 # ---- decisions

@@ -286,7 +286,7 @@ def test_rates_are_counted_over_all_publishers_or_those_asked_for(ros: Replay) -
     assert rates["/nothing"] == Rate(error="no publisher")
     wanted = {"callerid": "/test", "topic": "/chatter", "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
     assert ros.handshakes.count(wanted) == 2
-    alone = graph.published_by({"/chatter": [graph.node("/talker_b").key]})
+    alone = graph.published_by({"/chatter": ["/talker_b"]})
     assert names_of(master.rates(alone, {"/chatter": 0.2})["/chatter"].by) == ["/talker_b"]
     assert ros.handshakes.count(wanted) == 3
 
