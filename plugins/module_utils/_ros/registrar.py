@@ -9,7 +9,7 @@ from __future__ import annotations
 import errno
 import time
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping, Sequence
+from typing import Any, Callable, Mapping, Sequence
 
 from .._common.documents import Arguments, Data
 from .._common.errors import RosError
@@ -55,7 +55,10 @@ class Registrar(Master):
         """
         sent: dict[Call, list[str]] = {}
         for _attempt in range(UPDATES):
-            found = self._publishers({call.name for call in subscribers})
+            state = self.state()
+            names = {call.name: state.publishers.get(call.name, ()) for call in subscribers}
+            known = self.addresses(sorted({node for nodes in names.values() for node in nodes}))[0]
+            found = {topic: [known[node] for node in nodes if node in known] for topic, nodes in names.items()}
             todo = {call: found[call.name] for call in subscribers if sent.get(call) != found[call.name]}
             if not todo:
                 return
@@ -66,14 +69,6 @@ class Registrar(Master):
             }
             in_parallel(tasks, self.timeout, lambda _call, _error: None)  # one that is gone by now misses nothing
             sent.update(todo)
-
-    def _publishers(self, topics: Iterable[str]) -> dict[str, list[str]]:
-        """The addresses of each topic's publishers."""
-        state = self.state()
-        names = {topic: state.publishers.get(topic, ()) for topic in topics}
-        nodes = sorted({node for found in names.values() for node in found})
-        uris = self.addresses(nodes)[0]
-        return {topic: [uris[node] for node in found if node in uris] for topic, found in names.items()}
 
     # ---- nodes
 

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, Callable, Collection, Mapping, Tuple
 
 from .._common.errors import RosError
-from .arrivals import Arrivals
+from .arrivals import LOOK_INTERVALS, Arrivals
 from .graph import NodeKey, Rate
 from .rpc import Deadline, TimedSocket, in_parallel, reason
 from .tcpros import FrameCounter
@@ -168,14 +168,9 @@ class _Counted:
     def rate(self, start: float, end: float) -> Rate:
         """What came until `end`; nobody read before `start`."""
         found, began = self.arrivals, self.sock.opened
-        return Rate(
-            found.hz(began, end),
-            len(found.times),
-            end - began,
-            known=found.known(start, end),
-            latched=found.latched,
-            few=not found.tells,
-        )
+        latched, few = bool(found.latching and found.times), len(found.counted) <= LOOK_INTERVALS
+        counted = found.hz(began, end), len(found.times), end - began
+        return Rate(*counted, known=found.known(start, end), latched=latched, few=few)
 
 
 def _leave(selector: selectors.BaseSelector, sock: TimedSocket) -> None:
