@@ -17,8 +17,7 @@ from .graph import BUSY_STATES, Graph, Handshake, NodeKey, Rate, ServiceProbe, S
 from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris
 from .rpc import Api, Deadline, Master, in_parallel, reason
-from .streams import Opened, count_messages
-from .transport import greet, read_states, subscribe, subscribe_status
+from .streams import Opened, count_messages, greet, read_states, subscribe, subscribe_status
 
 ROS_ARGS: dict[str, Data] = {
     "master_uri": {"type": "str", "default": "http://localhost:11311"},

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Callable
 
 from .rpc import Deadline
+from .streams import read_exactly, subscribe
 from .tcpros import FrameCounter
-from .transport import read_exactly, subscribe
 
 PIECE = 1 << 16
 NOTHING = 0.3  # seconds after which a publisher has nothing latched: it sends that at once

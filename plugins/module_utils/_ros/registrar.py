@@ -20,7 +20,7 @@ from .names import is_meant
 from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
 from .replies import topic_types
 from .rpc import Api, Deadline, Master, in_parallel, reason, tell_publishers
-from .transport import greet
+from .streams import greet
 
 # Of an address whose kernel says that nothing is there; a time-out says only that nothing came in time.
 _GONE = frozenset({errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
