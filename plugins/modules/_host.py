@@ -15,13 +15,8 @@ description:
 options:
   job:
     description:
-      - V(facts) reads what decides whether k3s can run on the host, for the role P(rosops.fleet.preflight#role).
-        Those whose names begin with C(k3s) are for the role P(rosops.fleet.k3s#role), those with C(ros) for updates.
-      - V(k3s_facts) reads what k3s is there, V(k3s_ready) waits until it serves, V(k3s_download) brings its binary,
-        V(k3s_change) exchanges it and keeps the one before, V(k3s_remove) takes it off the host.
-      - V(ros_hold) waits until a robot's actions are idle and holds back new goals, V(ros_release) lets them go,
-        V(ros_register) brings lost registrations of living nodes back, V(ros_reap) removes those of dead ones,
-        V(ros_watch) says what of an update's traffic was lost.
+      - What is to be done; each job's function in the code says more. V(facts) is for P(rosops.fleet.preflight#role),
+        what begins with C(k3s) for P(rosops.fleet.k3s#role), what begins with C(ros) for updates.
     type: str
     choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove,
               ros_hold, ros_release, ros_register, ros_reap, ros_watch]
@@ -66,7 +61,10 @@ ANSWER = 60.0  # seconds that a download's server has for it
 
 
 def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
-    """`arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds."""
+    """What decides whether k3s can run on the host.
+
+    `arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds.
+    """
     began, ports = time.time(), [(port["protocol"], port["port"]) for port in arguments["ports"]]
     found = collect(Host(), ports, arguments["reach"], arguments["timeout"])
     # Both readings, for the action: the time in between is the module's own work, no part of the way.

@@ -111,22 +111,6 @@ def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
     assert scene.said().count("the master is away") == 1
 
 
-def test_goals_of_an_action_without_subscribing(scene: ExporterScene) -> None:
-    scene.start("server", "/worker")
-    scene.start_exporter()
-    scene.until("the action", "ros_action_goals", 0, action="/work", state="active")
-    before = system_state(scene)
-    found = scene.polls(3)
-    assert system_state(scene) == before
-    assert len(found.all("ros_action_goals", action="/work")) == 10
-    assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 0
-    scene.start("client", "/boss", "/work", "1", "1", "4000")
-    found = scene.until("a goal", "ros_action_goals", 1, action="/work", state="active")
-    # the client's connection alone, though ours come and go
-    assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 1
-    scene.until("its end", "ros_action_goals", 1, action="/work", state="succeeded")
-
-
 def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> None:
     scene.start("loud", "/shouter")
     scene.until_registered("/shouter")

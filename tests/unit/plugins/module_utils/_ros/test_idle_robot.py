@@ -101,12 +101,6 @@ def test_a_keeper_that_refuses_or_answered_too_late() -> None:
     assert "isolate /worker" not in robot.told, "its clients' goals would be lost"
 
 
-def test_an_action_that_only_has_to_rest_is_not_held() -> None:
-    robot = Robot()
-    assert held(robot, servers={}).held == ()
-    assert robot.told == []
-
-
 # ---- the jobs of a step
 
 KEEPER, SERVER = "http://10.43.0.18:11411", "/worker_1a2b3c4d_79d9c6f8b5"  # in its pod

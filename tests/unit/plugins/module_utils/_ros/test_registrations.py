@@ -124,7 +124,3 @@ def test_a_snapshot_of_the_master() -> None:
     state = MasterState({"/a": ("/n",)}, {"/b": ("/n", "/m")}, {"/s": ("/n",)}, {"/a": "x/A"})
     found = registrations.from_master(state, {"/n": URI}, {"/s": "rosrpc://h:1"})
     assert found == {"/n": Entry(URI, None, {"/a": "x/A"}, {"/b": "*"}, {"/s": "rosrpc://h:1"})}
-
-
-def test_an_entry_survives_its_record() -> None:
-    assert registrations.from_dict(TALKER.as_dict()) == TALKER
