@@ -13,7 +13,6 @@ import pytest
 from exporter_scene import ExporterScene, Metrics
 from scene import until
 
-ROSOUT, RELAY = Path("/usr/lib/rosout/rosout"), Path("/usr/lib/topic_tools/relay")
 TOLERANCE = 0.02
 BUSY_TOLERANCE = 0.05  # between scrapes a second apart, on a machine that may be busy
 
