@@ -73,11 +73,6 @@ def graph(
     )
 
 
-def healthy() -> Graph:
-    """The recorded graph without the node that was killed."""
-    return graph(gone=DEAD)
-
-
 # ---- what is asked
 
 
@@ -123,11 +118,6 @@ def test_of_an_edge_its_ends_are_asked_and_of_a_topic_that_nobody_registered_nob
     topics = (TopicCondition("/nothing", "a/B", connected=True), TopicCondition("/none", publisher="/x", publishers=1))
     wanted = questions(recorded_state(), Conditions(topics=topics, edges=edges))
     assert wanted.nodes == {"/talker_a": {"bus"}, DEAD: frozenset(), "/relay": frozenset()}
-
-
-@pytest.mark.parametrize(("rate", "seconds"), [(500, 1), (4, 1), (2, 2), (0.5, 8), (0.01, 20)])
-def test_how_long_a_rate_is_measured(rate: float, seconds: float) -> None:
-    assert rate_window(rate) == seconds
 
 
 # ---- one condition on one graph
@@ -201,7 +191,7 @@ def two_servers(other: str, status: StatusReading) -> Graph:
     )
 
 
-ALL, HEALTHY = graph(), healthy()
+ALL, HEALTHY = graph(), graph(gone=DEAD)  # without the node that was killed
 LATE, LOST = hung("/relay", gone=""), rows_without("/talker_a", "/listener_a")
 LOST_AND_LATE = {**LOST, "/listener_a": HUNG}
 OTHERS_LOST = graph(rows_without("/talker_b", "/listener_a"), gone=DEAD)
@@ -423,6 +413,7 @@ def test_whose_messages_are_counted_and_how_long() -> None:
     def plan(*topics: TopicCondition) -> Any:
         return _gate.rate_plan(Conditions(topics=topics))
 
+    assert [rate_window(hz) for hz in (500, 4, 2, 0.5, 0.01)] == [1, 1, 2, 8, 20]
     fast = TopicCondition("/t", min_rate=100.0, publisher="/a")
     slow = TopicCondition("/t", min_rate=2.0, publisher="/b")
     assert plan(fast, slow, TopicCondition("/u", publisher="/a")) == ({"/t": 2.0}, {"/t": ["/a", "/b"]})
@@ -511,7 +502,7 @@ class FakeRos:
 
 
 def test_a_look_that_passes() -> None:
-    ros = FakeRos(healthy())
+    ros = FakeRos(HEALTHY)
     wanted = Conditions(nodes=("/relay",), topics=(TopicCondition("/chatter", connected=True),))
     seen = look(ros, wanted)
     assert seen.checks[0] == Check("master", ros.uri, PASS, "answers")
@@ -520,7 +511,7 @@ def test_a_look_that_passes() -> None:
     assert ros.types is False
     wrong = look(ros, Conditions(nodes=("/nobody",), topics=(TopicCondition("/chatter", type="std_msgs/Int32"),)))
     assert (wrong.verdict, ros.types) == (FAIL, True)  # which outweighs what may still come
-    assert look(FakeRos(healthy()), Conditions()).verdict == PASS
+    assert look(FakeRos(HEALTHY), Conditions()).verdict == PASS
 
 
 @pytest.mark.parametrize(
@@ -531,7 +522,7 @@ def test_a_look_that_passes() -> None:
     ],
 )
 def test_who_has_to_latch_is_asked_once_all_else_passes(latching: set[str], verdict: str, reasons: list[str]) -> None:
-    ros = FakeRos(healthy())
+    ros = FakeRos(HEALTHY)
     ros.latching = latching
     topics = (TopicCondition("/chatter", publisher="/talker_b", latched=True), TopicCondition("/chatter", latched=True))
     seen = look(ros, Conditions(topics=topics))
@@ -545,7 +536,7 @@ def test_who_has_to_latch_is_asked_once_all_else_passes(latching: set[str], verd
 
 
 def test_rates_are_measured_once_all_else_passes() -> None:
-    ros = FakeRos(healthy(), Rate(100.0, 100, 1.0))
+    ros = FakeRos(HEALTHY, Rate(100.0, 100, 1.0))
     wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0), TopicCondition("/work/status", min_rate=2)))
     seen = look(ros, wanted)
     assert seen.verdict == PASS
@@ -561,7 +552,7 @@ def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
             return super().rates(*args, **kwargs)
 
     wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0),))
-    seen = look(Losing(healthy(), Rate(100.0, 100, 1.0)), wanted)
+    seen = look(Losing(HEALTHY, Rate(100.0, 100, 1.0)), wanted)
     assert seen.verdict == WAIT
     assert "nothing listens" in str(seen.unmet[0])
 
@@ -624,7 +615,7 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
     edges, values = (EdgeCondition("/p", "/t", "/s"),), (ValueCondition("/t", quiet=1.0),)
     topics, actions = (TopicCondition("/t", min_rate=1.0, latched=True),), (ActionCondition("/a"),)
     wanted = Conditions(("/n",), topics, ("/s",), actions, ("/x",), edges, values)
-    seen = look(FakeRos(healthy(), error="the ROS master does not answer: nothing listens"), wanted)
+    seen = look(FakeRos(HEALTHY, error="the ROS master does not answer: nothing listens"), wanted)
     assert seen.verdict == WAIT
     assert [f"{check.kind} {check.name}" for check in seen.unmet] == [
         "master http://master:11311/", "node /n", "topic /t", "rate /t", "latched /t", "service /s", "action /a",
@@ -643,9 +634,9 @@ def ears(*verdicts: str) -> _gate.Ears:
 def test_what_messages_say_is_part_of_the_verdict() -> None:
     wanted = Conditions(nodes=("/talker_a",), values=(ValueCondition("/t", quiet=1.0),))
     for verdict in (PASS, WAIT, FAIL):
-        assert look(FakeRos(healthy()), wanted, ears=ears(verdict)).verdict == verdict
-    assert look(FakeRos(healthy()), wanted).verdict == WAIT  # nobody has listened
+        assert look(FakeRos(HEALTHY), wanted, ears=ears(verdict)).verdict == verdict
+    assert look(FakeRos(HEALTHY), wanted).verdict == WAIT  # nobody has listened
     rated = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0),), values=wanted.values)
-    ros = FakeRos(healthy())
+    ros = FakeRos(HEALTHY)
     assert (look(ros, rated, ears=ears(WAIT)).verdict, ros.sampled) == (WAIT, {})
     assert look(ros, rated, ears=ears(PASS, WAIT)).verdict == WAIT  # nor may it end while rates are measured
