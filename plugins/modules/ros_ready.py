@@ -36,7 +36,6 @@ options:
 extends_documentation_fragment:
   - rosops.fleet._ros.gate
   - rosops.fleet._ros
-  - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
 author: rosops.fleet contributors (@rosops)
