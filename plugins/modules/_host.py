@@ -160,7 +160,7 @@ JOBS = {
     "k3s_change": k3s_change,
     "k3s_remove": k3s_remove,
 }
-ROS_JOBS = {  # no module is needed for these
+ROS_JOBS = {  # which need nothing of the module; in check mode the engine has none of them done that changes something
     "ros_hold": idle_robot.hold,
     "ros_release": idle_robot.release,
     "ros_register": registrar.register,
