@@ -1,13 +1,13 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What modules of a ROS 1 graph take: client.ROS_ARGS, and conditions.GATE_ARGS and VALUE_ARGS."""
+"""What modules that look at a ROS 1 graph take: client.ROS_ARGS, and as conditions GATE_ARGS and VALUE_ARGS."""
 
 from __future__ import annotations
 
 
 class ModuleDocFragment:
-    """Ansible merges these into what extends `rosops.fleet._ros`, `._ros.gate` or `._ros.values`."""
+    """Ansible merges these into what extends `rosops.fleet._ros` or `._ros.gate`."""
 
     DOCUMENTATION = r"""
 options:
@@ -24,6 +24,16 @@ options:
       - All nodes are asked at the same time, so any number of hung nodes delays a look by this once.
     type: float
     default: 2.0
+attributes: # these modules only look
+  check_mode:
+    description: It changes nothing, and returns the same in either mode.
+    support: full
+  diff_mode:
+    description: It changes nothing.
+    support: N/A
+  idempotent:
+    description: A second run with the same options changes nothing.
+    support: full
 requirements:
   - Python 3.8 on the host that the module runs on, and nothing else; no ROS installation
 notes:
@@ -147,10 +157,6 @@ options:
     description: Namespace that relative names in the other options stand in.
     type: str
     default: /
-"""
-
-    VALUES = r"""
-options:
   values:
     description:
       - What messages must say. They are read from the publishers themselves, without being registered with the master,

@@ -15,12 +15,11 @@ description:
 options:
   job:
     description:
-      - V(facts) reads what decides whether k3s can run on the host, for the role P(rosops.fleet.preflight#role).
-        The others are for the role P(rosops.fleet.k3s#role).
-      - V(k3s_facts) reads what k3s is there, V(k3s_ready) waits until it serves, V(k3s_download) brings its binary,
-        V(k3s_change) exchanges it and keeps the one before, V(k3s_remove) takes it off the host.
+      - What is to be done; each job's function in the code says more. V(facts) is for P(rosops.fleet.preflight#role),
+        what begins with C(k3s) for P(rosops.fleet.k3s#role), what begins with C(ros) for updates.
     type: str
-    choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove]
+    choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove,
+              ros_hold, ros_release, ros_register, ros_reap, ros_watch]
     required: true
   arguments:
     description: What the job takes.
@@ -62,6 +61,7 @@ from ..module_utils._host.k3s import (
 )  # fmt: skip
 from ..module_utils._host.k3s_change import NEXT, K3sChange
 from ..module_utils._host.k3s_remove import Remover
+from ..module_utils._ros import idle_robot, registrar, traffic
 
 LOOKS = 0.5  # seconds from one look to the next
 JOURNAL_LINES = 15
@@ -69,7 +69,10 @@ ANSWER = 60.0  # seconds that a download's server has for it
 
 
 def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
-    """`arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds."""
+    """What decides whether k3s can run on the host.
+
+    `arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds.
+    """
     began, ports = time.time(), [(port["protocol"], port["port"]) for port in arguments["ports"]]
     found = collect(Host(), ports, arguments["reach"], arguments["timeout"])
     # Both readings, for the action: the time in between is the module's own work, no part of the way.
@@ -165,12 +168,19 @@ JOBS = {
     "k3s_change": k3s_change,
     "k3s_remove": k3s_remove,
 }
+ROS_JOBS = {  # which need nothing of the module; in check mode the engine has none of them done that changes something
+    "ros_hold": idle_robot.hold,
+    "ros_release": idle_robot.release,
+    "ros_register": registrar.register,
+    "ros_reap": registrar.reap,
+    "ros_watch": traffic.watch,
+}
 
 
 def main() -> None:
     module = AnsibleModule(
         argument_spec={
-            "job": {"type": "str", "choices": list(JOBS), "required": True},
+            "job": {"type": "str", "choices": [*JOBS, *ROS_JOBS], "required": True},
             "arguments": {"type": "dict", "required": True},
             "secrets": {"type": "dict", "default": {}, "no_log": True},
         },
@@ -178,7 +188,7 @@ def main() -> None:
     )
     job, arguments = module.params["job"], {**module.params["arguments"], **module.params["secrets"]}
     try:
-        result = JOBS[job](module, arguments)
+        result = ROS_JOBS[job](arguments) if job in ROS_JOBS else JOBS[job](module, arguments)
     except FleetError as error:
         module.fail_json(msg=str(error), **error.details)
     except OSError as error:

@@ -77,9 +77,7 @@ options:
         network namespaces of their own (pods) only by root.
     type: bool
     default: false
-extends_documentation_fragment:
-  - rosops.fleet._ros
-  - rosops.fleet._attributes.read_only
+extends_documentation_fragment: rosops.fleet._ros
 seealso:
   - module: rosops.fleet.ros_ready
 author: rosops.fleet contributors (@rosops)

@@ -35,9 +35,7 @@ options:
     default: 0.0
 extends_documentation_fragment:
   - rosops.fleet._ros.gate
-  - rosops.fleet._ros.values
   - rosops.fleet._ros
-  - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
 author: rosops.fleet contributors (@rosops)
@@ -59,15 +57,6 @@ EXAMPLES = r"""
       - {name: arm/move, state: idle}
     namespace: /robot1
     timeout: 300
-
-- name: The new revision has the old one's subscriber and rate, and keeps them, and the old one is gone
-  rosops.fleet.ros_ready:
-    topics:
-      - {name: /temperature, publisher: /driver_77aa01de, min_rate: 450}
-    edges:
-      - {publisher: /driver_77aa01de, topic: /temperature, subscriber: /statistics, peer: subscriber}
-    absent: [/driver_1f0c2a9b]
-    stable: 10
 
 - name: The robot stands, nobody steers it, and its battery will do
   rosops.fleet.ros_ready:

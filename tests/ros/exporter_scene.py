@@ -80,17 +80,6 @@ class ExporterScene(Scene):
         made: Metrics = until(what, true, seconds)
         return made
 
-    def polls(self, more: int) -> Metrics:
-        """The scrape once there have been so many more polls, which is how the exporter's time passes."""
-        wanted = self.scrape()("ros_exporter_polls_total") + more
-
-        def true() -> Any:
-            found = self.scrape()
-            return found if found("ros_exporter_polls_total") >= wanted else None
-
-        made: Metrics = until(f"{more} polls", true)
-        return made
-
     def published(self, name: str, at: float) -> float:
         """How many messages the publisher itself says it had published at that time."""
         after = until("its next count", lambda: next((line for line in self.log(name) if line["at"] > at), None))

@@ -98,6 +98,16 @@ class Scene:
         python = ("/usr/bin/env", "MALLOC_ARENA_MAX=1", os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S")
         return self._start(word, *python, str(code / "run.py"), word, *options)
 
+    def run_stop_hook(self, name: str) -> str:
+        """That of the node's pod; what it said."""
+        settings = {"node": name, "expect_node": True, "stop_deadline": 20, "keeper": self.keeper_uri}
+        self.environment = {"ROSOPS_SETTINGS": json.dumps(settings)}
+        hook = self.start_code("stop")
+        self.environment = {}
+        assert hook.wait(30) == 0
+        self.processes[name].wait(10)
+        return self.said("stop")
+
     def start(self, kind: str, name: str, *words: str, log: str = "") -> subprocess.Popen[bytes]:
         path = self.directory / f"{log or name.strip('/')}.jsonl"
         return self._start(name, PYTHON, str(NODES), kind, name.strip("/"), str(path), *words)
@@ -115,6 +125,11 @@ class Scene:
         self.processes[name].send_signal(number)
         if number == signal.SIGKILL:
             self.processes[name].wait()
+
+    def stop(self, name: str, kill: bool = False) -> int:
+        process = self.processes.pop(name)
+        (process.kill if kill else process.terminate)()
+        return process.wait(20)
 
     def end(self) -> None:
         kill(lambda: marked(MARK, self.mark))

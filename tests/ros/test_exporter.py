@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import json
-import signal
 import time
 import xmlrpc.client
 from collections.abc import Iterator
@@ -15,7 +13,6 @@ import pytest
 from exporter_scene import ExporterScene, Metrics
 from scene import until
 
-ROSOUT, RELAY = Path("/usr/lib/rosout/rosout"), Path("/usr/lib/topic_tools/relay")
 TOLERANCE = 0.02
 BUSY_TOLERANCE = 0.05  # between scrapes a second apart, on a machine that may be busy
 
@@ -92,43 +89,6 @@ def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene
     assert {value for _labels, value in last.all("ros_exporter_scrape_errors_total")} == {0.0}
 
 
-def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
-    scene.start("counted", "/talker")
-    scene.until_registered("/talker")
-    scene.start("listener", "/hanging", "/fast")
-    scene.start("listener", "/killed", "/fast")
-    scene.start("service", "/adder")
-    scene.start_exporter()
-    for node in ("/talker", "/hanging", "/killed", "/adder"):
-        scene.until("all nodes", "ros_node_up", 1, node=node)
-    scene.until("the service", "ros_service_up", 1, service="/trigger", node="/adder")
-    assert not [labels for labels, _value in scene.scrape().all("ros_service_up") if "logger" in labels["service"]]
-    scene.kill("/hanging", signal.SIGSTOP)
-    scene.kill("/killed")
-    scene.kill("/adder")
-    for node in ("/hanging", "/killed", "/adder"):
-        down = scene.until("it to be down", "ros_node_up", 0, node=node)
-        assert down.all("ros_topic_messages_total", node=node) == []  # what it counts now, nobody knows
-    assert down("ros_service_up", service="/trigger", node="/adder") == 0
-    first = scene.scrape()
-    waits = []
-    last = first
-    while last("ros_exporter_polls_total") < first("ros_exporter_polls_total") + 4:
-        last = scene.scrape()
-        waits.append(last.seconds)
-        time.sleep(0.1)
-    for why in ("timeout", "refused"):
-        name = "ros_exporter_scrape_errors_total"
-        assert last(name, reason=why) > first(name, reason=why), why
-    assert last("ros_exporter_poll_duration_seconds") >= 1.0  # one time-out, of the node that hangs
-    assert max(waits) < 0.5  # of which no scrape knows
-    scene.kill("/hanging", signal.SIGCONT)
-    scene.until("it to be back", "ros_node_up", 1, node="/hanging")
-    ours, theirs = between_polls(scene, first, last, "/talker")
-    assert ours == pytest.approx(theirs, rel=TOLERANCE)
-    print(f"\nslowest scrape while a node hangs: {max(waits) * 1000:.0f} ms")
-
-
 def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
     scene.start_keeper_shown()
     scene.start("counted", "/talker")
@@ -150,44 +110,6 @@ def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
     assert scene.said().count("the master is away") == 1
 
 
-def test_goals_of_an_action_without_subscribing(scene: ExporterScene) -> None:
-    scene.start("server", "/worker")
-    scene.start_exporter()
-    scene.until("the action", "ros_action_goals", 0, action="/work", state="active")
-    before = system_state(scene)
-    found = scene.polls(3)
-    assert system_state(scene) == before
-    assert len(found.all("ros_action_goals", action="/work")) == 10
-    assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 0
-    scene.start("client", "/boss", "/work", "1", "1", "4000")
-    found = scene.until("a goal", "ros_action_goals", 1, action="/work", state="active")
-    # the client's connection alone, though ours come and go
-    assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 1
-    scene.until("its end", "ros_action_goals", 1, action="/work", state="succeeded")
-
-
-@pytest.mark.skipif(not (ROSOUT.exists() and RELAY.exists()), reason="Debian's rosout and topic-tools are not here")
-def test_roscpps_counts(scene: ExporterScene) -> None:
-    scene._start("/rosout", str(ROSOUT))
-    scene.start("counted", "/talker")
-    scene.until_registered("/talker")
-    scene._start("/relay", str(RELAY), "/fast", "/relayed", "__name:=relay")
-    scene.start("listener", "/listener", "/relayed")
-    scene.start_exporter()
-    scene.until("the relay", "ros_topic_connections", 1, node="/relay", topic="/relayed", direction="out")
-    scene.until("rosout", "ros_node_up", 1, node="/rosout")
-    scene.until("its subscription", "ros_topic_connections", 1, node="/rosout", topic="/rosout", direction="in")
-    first, last = scene.polls(2), scene.polls(6)
-    began, ended = (found("ros_exporter_last_poll_timestamp_seconds") for found in (first, last))
-    # what goes in, by the publisher; what goes out, by who gets it: with a queue of ten messages, a relay may drop some
-    for topic, direction, other in (("/fast", "in", "/talker"), ("/relayed", "out", "/listener")):
-        count = messages(last, topic, "/relay", direction) - messages(first, topic, "/relay", direction)
-        own = scene.published(other, ended) - scene.published(other, began)
-        assert count == pytest.approx(own, rel=TOLERANCE), topic
-    assert messages(last, "/rosout", "/rosout", "in") >= 0
-    assert last.all("ros_exporter_scrape_errors_total", reason="malformed")[0][1] == 0
-
-
 def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> None:
     scene.start("loud", "/shouter")
     scene.until_registered("/shouter")
@@ -200,21 +122,3 @@ def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> No
     assert found.all("ros_topic_messages_total", node="/shouter") == []
     # the other end still counts
     assert messages(found, "/loud", "/listener", "in") > 0
-
-
-def test_updates_are_metrics_and_lines(scene: ExporterScene, tmp_path: Path) -> None:
-    record = tmp_path / "updates.json"
-    record.write_text('{"updates": [{"id": "1", "app": "camera", "handoff": "overlap", "outcome": "running"}]}')
-    scene.start_exporter("--updates", str(record))
-    scene.until("the update", "robot_update_info", 1, app="camera", outcome="running")
-    record.write_text(record.read_text().replace("running", "updated"))
-    scene.until("its end", "robot_update_info", 1, app="camera", outcome="updated")
-    lines = [json.loads(line) for line in scene.said().splitlines() if line.startswith("{")]
-    assert [(line["event"], line["id"], line["outcome"]) for line in lines] == [("update", "1", "updated")]
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_ends_when_it_is_told_to(scene: ExporterScene, number: int) -> None:
-    exporter = scene.start_exporter()
-    exporter.send_signal(number)
-    assert exporter.wait(5) == 0

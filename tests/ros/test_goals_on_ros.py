@@ -10,15 +10,11 @@ import time
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
-from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
-from scene import LOST, RECALLED, SUCCEEDED, Run, Scene, until
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import idle_robot
+from scene import LOST, RECALLED, SUCCEEDED, Scene, until
 
 HANDOVERS = int(os.environ.get("ROSOPS_HANDOVERS", "8"))
 ACTION, SERVER = "/work", "/worker"
-STEP = [{"name": ACTION, "server": SERVER}]  # what an update's step asks of ros_action_hold
 
 
 class Server:
@@ -33,37 +29,9 @@ class Server:
         self.process = self.scene.start(self.kind, SERVER, ACTION, log=f"server_{self.number}")
         return self.process
 
-    def uri(self) -> str:
-        return self.scene.registered()[SERVER].uri
-
-    def hold(self, seconds: float = 60) -> Any:
-        return self.scene.keeper_api.hold(ACTION, SERVER, seconds)  # type: ignore[operator]
-
-    def until_idle(self) -> None:
-        """No goal in two statuses, twice, as the stop hook looks."""
-        ros, uri, quiet = Ros1Client(self.scene.uri), self.uri(), 0
-        end = time.monotonic() + 20
-        while quiet < 2:
-            assert time.monotonic() < end, "the server was never idle"
-            self.isolate(uri)
-            reading = ros.status(ACTION, uri)
-            states = {state for states in reading.readings for state in states}
-            quiet = 0 if states & BUSY_STATES or len(reading.readings) < 2 else quiet + 1
-            time.sleep(0.1)
-
-    def isolate(self, uri: str) -> None:
-        with Api(uri, "/tester", Deadline(2.0)) as api:
-            api.call("publisherUpdate", f"{ACTION}/goal", [])
-
     def stop(self) -> None:
-        """Idle, then shut down through its slave API."""
-        self.until_idle()
-        try:
-            with Api(self.uri(), "/tester", Deadline(2.0)) as api:
-                api.call("shutdown", "replaced")
-        except OSError:
-            pass  # it may end before it has answered
-        self.process.wait(10)
+        """By the stop hook of its pod, which has the keeper hold the goals that come."""
+        assert self.scene.run_stop_hook(SERVER) == ""
 
     def executed(self) -> list[dict[str, Any]]:
         return [line for number in range(1, self.number + 1) for line in self.scene.log(f"server_{number}")]
@@ -110,37 +78,36 @@ def judge(server: Server, sent: list[dict[str, Any]]) -> None:
     wrong = [goal for goal in sent if not goal["done"] or goal["state"] != SUCCEEDED]
     lost = {goal["goal"] for goal in sent} - set(started)
     twice = len(started) - len(set(started))
-    slowest = max(goal["seconds"] for goal in sent)
-    print(
-        f"\n{server.number - 1} hand-overs, {len(sent)} goals: {len(lost)} lost, {len(wrong)} not succeeded, "
-        f"{len(broken)} broken off, {twice} twice; the longest took {slowest:.1f} s"
-    )
-    print(f"forwarded by the keeper: {server.scene.said().count('forwarded /')}")
     assert (wrong, sorted(lost), broken, twice) == ([], [], [], 0)
+
+
+def step_holds(scene: Scene, seconds: float = 60.0) -> list[str]:
+    asked = {"actions": [{"name": ACTION, "server": SERVER}], "seconds": seconds, "timeout": 20, "interval": 0.2}
+    found = idle_robot.hold({"master_uri": scene.uri, "keeper_uri": scene.keeper_uri, **asked})
+    assert found["verdict"] == "pass"
+    return list(found["held"])
+
+
+def step_releases(scene: Scene) -> bool:
+    asked = {"actions": [ACTION], "timeout": 20, "interval": 0.2}
+    return bool(idle_robot.release({"keeper_uri": scene.keeper_uri, **asked})["changed"])
 
 
 def test_hand_overs(scene: Scene) -> None:
     server = begin(scene, boss=("1000", "20"))
-    times = []
     for _turn in range(HANDOVERS):
-        began = time.monotonic()
-        good, message, clients = server.hold()
-        assert (good, message, clients) == (1, "", 1)
         server.stop()
         server.start()
         let_go(scene)
-        times.append(time.monotonic() - began)
         done = len(goals(scene, "boss"))
         until("goals after the hand-over", lambda done=done: len(goals(scene, "boss")) > done + 3)  # type: ignore[misc]
     judge(server, end_clients(scene, "boss"))
-    print(f"a hand-over took {min(times):.1f} to {max(times):.1f} s, a start of Python and rospy in it")
     assert scene.said().count("forwarded /") >= HANDOVERS - 2  # the goals did come this way
 
 
 def test_several_clients(scene: Scene) -> None:
     server = begin(scene, "pool", a=("1000", "100"), b=("4000", "150"), c=("7000", "230"))
     for turn in range(HANDOVERS // 4):
-        assert server.hold() == [1, "", 3 + turn]
         server.stop()
         scene.start("client", f"/late_{turn}", ACTION, str(10000 + 2000 * turn), "0", "200")  # and one more each time
         until("the newcomer", lambda turn=turn: f"/late_{turn}" in scene.registered())  # type: ignore[misc]
@@ -154,7 +121,6 @@ def test_a_goal_that_is_cancelled_while_it_is_held(scene: Scene) -> None:
     server = begin(scene)
     scene.start("canceller", "/canceller", ACTION)
     until("the client", lambda: scene.log("canceller"))
-    assert server.hold()[2] == 1
     server.stop()
     scene.kill("/canceller", signal.SIGUSR1)
     until("the cancel", lambda: "was cancelled while it is held" in scene.said())
@@ -167,30 +133,28 @@ def test_a_goal_that_is_cancelled_while_it_is_held(scene: Scene) -> None:
     assert not [line for line in server.executed() if "start" in line]
 
 
-def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene, run: Run) -> None:
+def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene) -> None:
     """However long it takes from the step's look to the old server's end, no goal comes between them."""
     server = begin(scene, boss=("1000", "300", "900"))
-    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
-    assert (result["verdict"], result["held"]) == ("pass", [ACTION])
+    assert step_holds(scene) == [ACTION]
     begun = len(server.executed())
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     time.sleep(0.5)  # the API server is slow
     assert len(server.executed()) == begun, "the old server got a goal"
-    server.hold()  # its stop hook
     server.stop()
     server.start()
     let_go(scene)
     judge(server, end_clients(scene, "boss"))
 
 
-def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene, run: Run) -> None:
+def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene) -> None:
     """Nobody replaces the server: the keeper lets go when it is told to, or by itself, to the old one."""
     server = begin(scene, boss=("1000", "100", "900"))
-    run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
-    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
+    step_holds(scene)
+    assert step_releases(scene)
     let_go(scene)
-    assert not run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
-    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, seconds=3, timeout=20)["held"] == [ACTION]
+    assert not step_releases(scene)
+    assert step_holds(scene, seconds=3) == [ACTION]
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     let_go(scene)
     done = len(goals(scene, "boss"))
@@ -201,7 +165,6 @@ def test_a_step_that_is_called_off_or_dies_after_its_hold(scene: Scene, run: Run
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_the_keeper_is_restarted_in_the_middle(scene: Scene, number: int) -> None:
     server = begin(scene, boss=("1000", "20"))
-    server.hold()
     server.stop()
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     scene.kill("keeper", number)
@@ -216,7 +179,6 @@ def test_the_keeper_is_restarted_in_the_middle(scene: Scene, number: int) -> Non
 def test_the_master_is_restarted_in_the_middle(scene: Scene) -> None:
     server = begin(scene, boss=("1000", "20"))
     scene.until_recorded("/boss", SERVER)
-    server.hold()
     server.stop()
     until("the goal to be held", lambda: held(scene)[ACTION]["held"])
     scene.kill("master")

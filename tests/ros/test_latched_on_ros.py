@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from typing import Any
 
@@ -34,17 +33,6 @@ def latch(scene: Scene, name: str) -> None:
     scene.kill(name, signal.SIGUSR1)
 
 
-def stop(scene: Scene, name: str) -> str:
-    """The stop hook of the node's pod; what it said."""
-    settings = {"node": name, "expect_node": True, "stop_deadline": 20, "keeper": scene.keeper_uri}
-    scene.environment = {"ROSOPS_SETTINGS": json.dumps(settings)}
-    hook = scene.start_code("stop")
-    scene.environment = {}
-    assert hook.wait(20) == 0
-    scene.processes[name].wait(10)
-    return scene.said("stop")
-
-
 def heard(scene: Scene, name: str) -> list[Any]:
     return [line["heard"] for line in scene.log(name) if "heard" in line]
 
@@ -68,7 +56,7 @@ def test_a_value_that_was_latched_on_an_event_survives_an_update(scene: Scene, n
     until("the value", lambda: heard(scene, "/early") == ["at the charger"])
     if old != new:
         start_dock(scene, new, "on the way")
-    assert stop(scene, old) == ""
+    assert scene.run_stop_hook(old) == ""
     if old == new:
         start_dock(scene, new, "on the way")
     until("the keeper to give it", lambda: "/ros_keeper" in publishers(scene), 10)
@@ -97,9 +85,9 @@ def test_it_survives_versions_and_a_restart_of_the_keeper(scene: Scene) -> None:
     subscribe(scene, "/early")
     until("the value", lambda: heard(scene, "/early"))
     start_dock(scene, NEW)
-    assert stop(scene, OLD) == ""
+    assert scene.run_stop_hook(OLD) == ""
     until("the keeper to give it", lambda: "/ros_keeper" in publishers(scene), 10)
-    assert stop(scene, NEW) == ""
+    assert scene.run_stop_hook(NEW) == ""
     until("nothing to be given while nobody is in its place", lambda: not publishers(scene))
     scene.kill("keeper")
     scene.start_keeper()
@@ -128,7 +116,7 @@ def test_a_version_that_does_not_latch_what_the_one_before_did_is_refused(scene:
     recorded = graph_from(run(ros_graph_info, md5sums=True)["graph"])
     assert names_of(recorded.topics["/dock"].latched) == [OLD]
     start_dock(scene, NEW, latch="no")
-    assert stop(scene, OLD) == ""
+    assert scene.run_stop_hook(OLD) == ""
     until("the keeper to give it", lambda: "/ros_keeper" in publishers(scene), 10)
     start_dock(scene, NEWER)
 

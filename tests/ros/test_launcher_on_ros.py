@@ -200,6 +200,10 @@ def test_a_deaf_node_costs_seconds(scene: Scene) -> None:
     assert "escalating to SIGKILL" in scene.said(ONE)
 
 
+def unexplained(child: Child) -> bool:
+    return not child.alive and child.exit_code is None
+
+
 def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> None:
     scene.environment["HUSH"] = "a secret"
     path = f"{scene.environment['ROS_PACKAGE_PATH']}/crashes.launch"
@@ -212,7 +216,7 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> N
     def ended() -> bool:
         now = found()
         # for a tenth of a second it does say how they have ended
-        forgotten = all(now[name].unexplained for name in ("/arm/three", "/zero"))
+        forgotten = all(unexplained(now[name]) for name in ("/arm/three", "/zero"))
         return forgotten and not now["/waits"].alive and now["/again"].spawned > 2
 
     until("their ends", ended)
@@ -230,11 +234,11 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> N
         "/killed": "",
     }
     os.kill(pid, signal.SIGKILL)
-    until("its end", lambda: found()["/killed"].unexplained)
+    until("its end", lambda: unexplained(found()["/killed"]))
 
     now, graph = found(), ros.ask(state, everything(state))
     assert crash(now["/killed"], graph) == "died, as its registration is still there"
-    assert [name for name in sorted(now) if now[name].unexplained] == ["/arm/three", "/killed", "/zero"]
+    assert [name for name in sorted(now) if unexplained(now[name])] == ["/arm/three", "/killed", "/zero"]
     assert [(now[name].respawn, now[name].required, now[name].alive) for name in ("/lives", "/waits")] == [
         (False, True, True),
         (True, False, False),

@@ -81,18 +81,6 @@ def talking(scene: Scene, pod: Pod) -> None:
     scene.start("talker", pod.node)
 
 
-def test_a_talker_starts_is_ready_and_leaves(scene: Scene, pods: Any) -> None:
-    pod = pods("talker", min_rates={"/numbers": 450})
-    talking(scene, pod)
-    assert pod.call("started") == (0, "")
-    began = time.monotonic()
-    assert pod.call("stop") == (0, "")
-    assert time.monotonic() - began < 3
-    scene.processes[pod.node].wait(5)
-    assert pod.node not in scene.registered()
-    assert "/listener" in scene.registered()
-
-
 @pytest.mark.parametrize("own_name", [False, True])
 def test_parameters_come_before_the_app_and_go_with_its_node(scene: Scene, pods: Any, own_name: bool) -> None:
     pod = pods("talker", params={"~rate": 20, "~pid": {"gain": 1.5, "names": ["a"], "on": True}, "/limits/speed": 2})
@@ -242,36 +230,6 @@ def test_a_pod_that_no_step_brings_takes_the_place_of_the_one_before_when_it_has
     assert {new.node} == {node for node in scene.registered() if node.startswith("/talker_")}
 
 
-def test_dead_and_hung_subscribers_block_nobody(scene: Scene, pods: Any) -> None:
-    pod = pods("talker")
-    scene.start_master()
-    for name in ("/dead", "/hung"):
-        scene.start("listener", name)
-        until("registered", lambda name=name: name in scene.registered())
-    scene.kill("/dead")
-    scene.kill("/hung", 19)  # SIGSTOP
-    scene.start("talker", pod.node)
-    began = time.monotonic()
-    assert pod.call("started") == (0, "")
-    assert 5 < time.monotonic() - began < 12  # it might have been slow only
-
-
-def test_a_service_is_served_under_its_own_name(scene: Scene, pods: Any) -> None:
-    pod, other = pods("adder"), pods("second")
-    scene.start_master()
-    scene.start("service", pod.node)
-    assert pod.call("started") == (0, "")
-    scene.start("caller", "/caller")
-    until("answers", lambda: len(scene.log("/caller")) > 5)
-    scene.start("service", other.node)
-    assert other.call("started") == (0, "")
-    assert pod.call("stop") == (0, "")
-    seen = len(scene.log("/caller"))
-    until("more answers", lambda: len(scene.log("/caller")) > seen + 10)
-    assert all(line["ok"] for line in scene.log("/caller"))
-    assert scene.log("/caller")[-1]["answer"] == other.node
-
-
 def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_for(scene: Scene, pods: Any) -> None:
     """rospy's threads end with the process: the caller of a node that is shut down at once gets an error."""
     pod = pods("planner")
@@ -310,23 +268,3 @@ def test_a_busy_server_is_let_finish_and_one_that_the_app_names_itself_not_shut_
     assert not any("broken" in line for line in scene.log(node))
     assert node not in scene.registered()
     assert named or scene.processes[node].poll() is None  # it lives until it gets its signal
-
-
-def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> None:
-    """Goals back to back: the old server is never idle for long, and no goal may be lost, broken or done twice."""
-    old = pods("worker", stop_deadline=20, keeper=f"http://127.0.0.1:{scene.keeper_port}")
-    scene.start_master()
-    scene.start_keeper()
-    scene.start("server", old.node)
-    assert old.call("started") == (0, "")
-    scene.start("client", "/boss", "/work", "1", "60", "100")
-    until("ten goals", lambda: sum("goal" in line for line in scene.log("/boss")) >= 10)
-    assert old.call("stop") == (0, "")
-    scene.processes[old.node].wait(10)
-    new = pods("next", stop_deadline=20)
-    scene.start("server", new.node)
-    assert new.call("started") == (0, "")
-    until("all goals", lambda: sum("goal" in line for line in scene.log("/boss")) == 60, 60)
-    assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED] * 60
-    done = [line["end"] for node in (old.node, new.node) for line in scene.log(node) if "end" in line]
-    assert sorted(done) == [number * 100000 + 100 for number in range(1, 61)]

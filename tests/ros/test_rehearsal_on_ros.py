@@ -71,11 +71,6 @@ class Stage(Scene):
         kept = json.dumps({"kind": KIND, "version": VERSION, "apps": [], "graph": self.graph(WINDOW)})
         return {node.name: node for node in parts(json.loads(kept), "the file")[OTHERS].nodes}
 
-    def stop(self, name: str) -> int:
-        process = self.processes.pop(name)
-        process.terminate()
-        return process.wait(20)
-
 
 @contextmanager
 def staged(directory: Path) -> Iterator[Stage]:

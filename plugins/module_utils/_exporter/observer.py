@@ -19,7 +19,7 @@ from .._ros import bus_stats, graph, replies
 from .._ros.backend import MasterState
 from .._ros.roslaunch import Child, children
 from .._ros.rpc import Api, Deadline, Master, in_parallel
-from .._ros.transport import greet, read_states, subscribe_status
+from .._ros.streams import greet, read_states, subscribe_status
 from . import snapshot
 from .snapshot import GraphMetrics, History, NodeReply, Snapshot
 from .updates import Updates

@@ -321,7 +321,7 @@ class Starting:
 
     def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
         """What the nodes say of their topics, and their rates, as these nodes alone publish them."""
-        mine = {topic: [node.key for node in own if topic in node.publications] for topic in graph.topics}
+        mine = {topic: [node.name for node in own if topic in node.publications] for topic in graph.topics}
         alone = graph.published_by(mine)
         promised = [name for name in (wanted.contract.topics if wanted.contract else ()) if mine.get(name)]
         checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})

@@ -20,8 +20,7 @@ from .._ros.backend import Questions, everything
 from .._ros.conditions import conditions_from
 from .._ros.graph import Graph
 from .._ros.graph_json import graph_data
-from .._ros.idle_hold import hold_when_idle
-from .._ros.idle_robot import IdleRobot, reason_of
+from .._ros.idle_robot import IdleRobot, hold_when_idle
 from .._ros.raw_node import Asked, Said
 from .._step.objects import Object, holder_of, name_of, node_of, revision_of, suffix_of, version_of
 from .._step.record import answer, soaks
@@ -177,7 +176,7 @@ class Door:
         finally:
             robot.close()
         self.holds.add(namespace, {name: new[name] for name in ended.held})
-        return ended.verdict, reason_of(ended)
+        return ended.verdict, ended.reason
 
     def _nodes_of(self, namespace: str, app: str, graph: Graph) -> list[str]:
         found = self.cluster.deployment(namespace, app)

@@ -101,7 +101,7 @@ class Keeper:
         present = self.ros.snapshot() if wanted else {}
         need = registrations.missing(wanted, present, take_services=True)
         if need:
-            calls = registrations.restore(need, present, self.ros.ask(need, ASK)).calls
+            calls = registrations.restore(need, present, self.ros.ask(need, ASK))
             self.ros.apply(calls)
             self.log(f"gave back {in_words(calls)}")
 
@@ -198,11 +198,11 @@ class Keeper:
     def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
         if not need:
             return ()
-        plan = self.memory.settle(need, self.present, self.ros.ask(need, ASK), restarted)
-        if plan.calls:
-            self.ros.apply(plan.calls)
+        calls = self.memory.settle(need, self.present, self.ros.ask(need, ASK), restarted)
+        if calls:
+            self.ros.apply(calls)
             self.state = None  # look up all of it next time
-        return plan.calls
+        return calls
 
     # ---- who is gone
 
@@ -234,11 +234,11 @@ class Keeper:
         registered = self.ros.snapshot().get(node)
         if registered is None or registered.uri != entry.uri:
             return  # a newer process has the name
-        plan = registrations.remove({node: registered}, [{node: Liveness(registrations.DEAD)}])
-        self.ros.apply(plan.calls)
+        calls = registrations.remove({node: registered}, [{node: Liveness(registrations.DEAD)}])
+        self.ros.apply(calls)
         self.memory.bury(node, now)
         self.state = None
-        self.log(f"removed {in_words(plan.calls)}: {registrations.alive(entry, answer)}")
+        self.log(f"removed {in_words(calls)}: {registrations.alive(entry, answer)}")
 
     def _revive(self, node: str, answer: Liveness) -> None:
         self.present = self._without_us(self.ros.snapshot())

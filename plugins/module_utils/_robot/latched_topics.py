@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Mapping
 
 from .._common.errors import RosError
-from .._ros.latched import Ear, give, open_ear, take
+from .._ros.latched import Ear, give, take
 from .._ros.raw_node import SEND_SECONDS, Publication, Slave
 from .._ros.registrar import Registrar
 from .._ros.replies import connections, topic_types
@@ -253,7 +253,7 @@ class LatchedTopics:
             self._close(selector, key)
         now = self.now()
         missing = [key for key in wanted if key not in self.ears and now - self.deaf.get(key, now - AGAIN) >= AGAIN]
-        tasks: dict[Any, Callable[[], Any]] = {key: partial(open_ear, *key, self.caller, CONNECT) for key in missing}
+        tasks: dict[Any, Callable[[], Any]] = {key: partial(Ear, *key, self.caller, CONNECT) for key in missing}
         for key, ear in in_parallel(tasks, CONNECT, lambda _key, _error: None).items():
             if ear is None:
                 self.deaf[key] = now

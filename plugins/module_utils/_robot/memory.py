@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
-from .._ros.registrations import Entry, Liveness, Plan
+from .._ros.registrations import Call, Entry, Liveness
 from .._ros.replies import loads
 
 AGAIN = 5.0  # seconds between two looks at a node, at least
@@ -104,13 +104,13 @@ class Memory:
         present: Mapping[str, Entry],
         answers: Mapping[str, Liveness],
         restarted: float = 0,
-    ) -> Plan:
+    ) -> tuple[Call, ...]:
         """The calls that bring back what was lost. What a node says it no longer has is over, and what the dead had.
 
         Unless the master was `restarted` just then: the dead did not leave, so they are remembered as removed.
         """
-        plan = registrations.restore(need, present, answers)
-        restored = {(call.kind, call.node, call.name) for call in plan.calls}
+        calls = registrations.restore(need, present, answers)
+        restored = {(call.kind, call.node, call.name) for call in calls}
         for node, entry in need.items():
             answer = answers.get(node)
             if answer is None or answer.verdict == registrations.UNKNOWN or node not in self.nodes:
@@ -130,7 +130,7 @@ class Memory:
             self.nodes[node] = Entry(known.uri, known.pid, *kept)
             if self.nodes[node].empty:
                 self.forget(node)
-        return plan
+        return calls
 
     # ---- who is gone
 

@@ -43,19 +43,9 @@ class Arrivals:
         self.times += [at] * messages
 
     @property
-    def latched(self) -> bool:
-        """The first message is known to be a latched one."""
-        return bool(self.latching and self.times)
-
-    @property
     def counted(self) -> list[float]:
         """Without a first message that may be of any age."""
         return self.times if self.latching is False else self.times[1:]
-
-    @property
-    def tells(self) -> bool:
-        """There are enough messages for a rate to mean anything."""
-        return len(self.counted) > LOOK_INTERVALS
 
     def hz(self, start: float, end: float) -> float:
         """Messages per second between `start` and `end`.

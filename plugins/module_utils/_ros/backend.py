@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Iterable, Mapping, Protocol
+from typing import Any, Iterable, Mapping, Protocol
 
-from .graph import Graph, Handshake, Keys, Node, NodeKey, Rate, Service, Topic, names_of
+from .graph import PARTS, Graph, Handshake, Keys, Node, NodeKey, Rate, Service, Topic, names_of
 
 Registrations = Mapping[str, "tuple[str, ...]"]
 
@@ -37,20 +37,12 @@ class MasterState:
 
         Made once for all who ask what a node has registered: a large graph has many.
         """
-        published, subscribed, served = map(_turned, (self.publishers, self.subscribers, self.services))
-        keys = {name: NodeKey(name) for name in sorted({*published, *subscribed, *served})}
-        nodes = {
-            key: Node(
-                name,
-                publications=published.get(name, ()),
-                subscriptions=subscribed.get(name, ()),
-                services=served.get(name, ()),
-            )
-            for name, key in keys.items()
-        }
+        parts: Any = dict(zip(PARTS, map(_turned, (self.publishers, self.subscribers, self.services))))
+        names = sorted(set().union(*parts.values()))
+        nodes = {NodeKey(one): Node(one, **{part: of.get(one, ()) for part, of in parts.items()}) for one in names}
 
         def ends(part: Registrations, name: str) -> Keys:
-            return tuple(keys[node] for node in part.get(name, ()))
+            return tuple(map(NodeKey, part.get(name, ())))
 
         topics = {
             name: Topic(name, self.types.get(name, ""), ends(self.publishers, name), ends(self.subscribers, name))

@@ -112,10 +112,9 @@ def advance(
     (of several, roscpp names whichever is the last) has counted for who knows how long.
     `ignored` connections are not the node's own business: they are ours.
     """
+    so_far = before or Counted(process)
     known = before is not None and before.process == process
-    totals = dict(before.totals) if before is not None else {}
-    last = before.links if before is not None and known else {}
-    highest = before.highest if before is not None and known else -1
+    last, highest = (so_far.links, so_far.highest) if known else ({}, -1)
     links = {link: count for link, count in new.links.items() if link[2] not in set(ignored)}
     grown: dict[Flow, list[Count]] = {flow: [] for flow in new.flows}
     for link, count in links.items():
@@ -125,10 +124,8 @@ def advance(
             start = Count() if born else count
         steps = (_step(start.messages, count.messages, new.wraps), _step(start.bytes, count.bytes, new.wraps))
         grown[link[:2]].append(Count(*steps))
-    result = {flow: totals.get(flow, Count()) for flow in new.flows}
-    for flow, counts in grown.items():
-        result[flow] = _sum(flow, result[flow], counts)
-    return Counted(process, result, links, max([highest, *(link[2] for link in new.links)]))
+    totals = {flow: _sum(flow, so_far.totals.get(flow, Count()), steps) for flow, steps in grown.items()}
+    return Counted(process, totals, links, max([highest, *(link[2] for link in new.links)]))
 
 
 def _sum(flow: Flow, total: Count, steps: list[Count]) -> Count:
@@ -169,11 +166,8 @@ def rates(ros: Master, graph: Graph, topics: Iterable[str], seconds: float) -> d
     counted = {key: _sent(before[key][1], after[key][1]) for key in nodes if key not in errors}
     found = {}
     for topic, keys in publishers.items():
-        by = {
-            key: _rate(counted[key][topic], after[key][0] - before[key][0])
-            for key in keys
-            if topic in counted.get(key, ())
-        }
+        told = [key for key in keys if topic in counted.get(key, ())]
+        by = {key: _rate(counted[key][topic], after[key][0] - before[key][0]) for key in told}
         why = {key: errors[key] for key in keys if key in errors}
         if by or why:
             found[topic] = Rate.of_all(by, why)

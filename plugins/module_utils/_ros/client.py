@@ -16,9 +16,8 @@ from .backend import MasterState, Questions
 from .graph import BUSY_STATES, Graph, Handshake, NodeKey, Rate, ServiceProbe, StatusReading
 from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris
-from .rpc import Api, Deadline, Master, TimedSocket, in_parallel, reason
-from .streams import count_messages
-from .transport import greet, read_states, subscribe, subscribe_status
+from .rpc import Api, Deadline, Master, in_parallel, reason
+from .streams import Opened, count_messages, greet, read_states, subscribe, subscribe_status
 
 ROS_ARGS: dict[str, Data] = {
     "master_uri": {"type": "str", "default": "http://localhost:11311"},
@@ -107,8 +106,8 @@ class Ros1Client(Master):
 
     def _open(
         self, graph: Graph, sources: Sequence[tuple[str, NodeKey]]
-    ) -> dict[tuple[str, NodeKey], tuple[TimedSocket, dict[str, str]] | str]:
-        """A stream of each (topic, publisher) with its handshake, all at the same time; or why there is none."""
+    ) -> tuple[dict[tuple[str, NodeKey], Opened], dict[tuple[str, NodeKey], str]]:
+        """A stream of each (topic, publisher) with its handshake, all at the same time; and why there is none."""
         uris: dict[NodeKey, Any] = {key: graph.at(key).uri for _topic, key in sources}
         unknown = {key.name: key for key, uri in uris.items() if not uri}
         uris.update({unknown[name]: uri for name, uri in self.look_up(sorted(unknown))[0].items()})
@@ -120,7 +119,9 @@ class Ros1Client(Master):
             where = uris[key[1]] if isinstance(uris[key[1]], str) else self.uri
             return f"{key[1]}: {reason(error, where, self.timeout)}"
 
-        return in_parallel({key: partial(task, *key) for key in sources}, self.timeout, failed)
+        opened = in_parallel({key: partial(task, *key) for key in sources}, self.timeout, failed)
+        errors = {key: why for key, why in opened.items() if isinstance(why, str)}
+        return {key: stream for key, stream in opened.items() if key not in errors}, errors
 
     def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
         """What a publisher of each topic says; one that stands in for others only where there is nobody else."""
@@ -129,22 +130,17 @@ class Ros1Client(Master):
             alive = [key for key in topic.publishers if graph.at(key).reachable]
             sources += [(topic.name, key) for key in sorted(alive, key=lambda key: is_keeper(key.name))[:1]]
         found = {}
-        for (topic_name, publisher), stream in self._open(graph, sources).items():
-            if not isinstance(stream, str):
-                sock, header = stream
-                sock.close()
-                definition = header.get("message_definition", "")
-                latching = header.get("latching") == "1"
-                found[topic_name] = Handshake(publisher, header.get("md5sum", ""), latching, definition)
+        for (topic_name, publisher), (sock, header) in self._open(graph, sources)[0].items():
+            sock.close()
+            definition, latching = header.get("message_definition", ""), header.get("latching") == "1"
+            found[topic_name] = Handshake(publisher, header.get("md5sum", ""), latching, definition)
         return found
 
     def rates(self, graph: Graph, seconds: Mapping[str, float], patient: bool = False) -> dict[str, Rate]:
         """See `Backend`. One of several publishers may be gone: what the others send is still the topic's rate."""
         sources = [(name, publisher) for name in seconds for publisher in graph.topic(name).publishers]
-        opened = self._open(graph, sources)
-        streams = {key: one for key, one in opened.items() if not isinstance(one, str)}
+        streams, errors = self._open(graph, sources)
         counted = count_messages(streams, seconds, patient)
-        errors = {key: one for key, one in opened.items() if isinstance(one, str)}
         return {
             name: Rate.of_all(
                 {key: rate for (topic, key), rate in counted.items() if topic == name},

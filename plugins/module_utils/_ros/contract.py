@@ -421,21 +421,18 @@ def conditions(contract: Contract, tolerance: float | None = None) -> Data:
             least = sent.least_rate(share)
             given = {"type": topic.definition.type, "min_rate": least, "latched": sent.latched}
             topics.append({"name": name, "publisher": publisher, **{key: one for key, one in given.items() if one}})
+    edges = [dict(zip(("publisher", "topic", "subscriber"), edge)) for edge in contract.edges]
+    for edge in edges:
+        edge.update(("peer", end) for end in ("subscriber", "publisher") if edge[end] not in ours)
     return {
         "nodes": list(contract.nodes),
         "topics": topics,
         "services": [{"name": name} for name in contract.services],
         "actions": [{"name": name, "state": "up"} for name in contract.actions],
-        "edges": [_edge(edge, ours) for edge in contract.edges],
+        "edges": edges,
     }
 
 
 def unstreamed(topics: Iterable[Document]) -> list[Data]:
     """Conditions on topics without those for which streams are opened."""
     return [{key: topic[key] for key in topic if key not in STREAMED} for topic in topics]
-
-
-def _edge(ends: Edge, ours: set[str]) -> dict[str, str]:
-    edge = dict(zip(("publisher", "topic", "subscriber"), ends))
-    others = [end for end in ("publisher", "subscriber") if edge[end] not in ours]
-    return {**edge, "peer": others[0]} if others else edge

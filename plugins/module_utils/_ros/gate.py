@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Callable, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Iterable, List, Mapping, Optional, Tuple
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
@@ -24,7 +24,7 @@ from .checks import (
     check_service,
     check_topic,
 )
-from .conditions import Conditions, TopicCondition
+from .conditions import Conditions
 from .graph import Graph, Handshake, Rate
 from .names import by_pod
 
@@ -51,8 +51,8 @@ def questions(state: MasterState, conditions: Conditions) -> Questions:
         types = ("types",) if topic.type else ()
         if topic.publisher:
             ask([topic.publisher], *types, *(("bus",) if topic.connected else ()))
-            counted = (publishers if topic.publishers is not None else (), subscribers if _asks_peers(topic) else ())
-            ask((*counted[0], *counted[1]))
+            ask(publishers if topic.publishers is not None else ())
+            ask(subscribers if topic.connected or topic.subscribers is not None else ())
         else:
             ask((*publishers, *subscribers), *types)
             ask(publishers if topic.connected else (), "bus")
@@ -78,10 +78,6 @@ def as_registered(ros: Backend, state: MasterState, conditions: Conditions) -> C
     now = {name: max(names, key=lambda one: graph.node(one).reachable) for name, names in pods.items()}
     absent = tuple(one for name in conditions.absent for one in pods.get(name, [name]))
     return replace(conditions.renamed(now), absent=absent)
-
-
-def _asks_peers(topic: TopicCondition) -> bool:
-    return topic.connected or topic.subscribers is not None
 
 
 def rate_window(min_rate: float) -> float:
@@ -158,12 +154,12 @@ class Look:
 
 def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[str]]]:
     """How long to count each topic's messages, and which nodes', where that is not everybody's."""
-    rated = [topic for topic in conditions.topics if topic.min_rate]
     seconds: dict[str, float] = {}
     whose: dict[str, list[str]] = {}
-    for topic in rated:
-        seconds[topic.name] = max(seconds.get(topic.name, 0.0), rate_window(topic.min_rate or 0.0))
-        whose.setdefault(topic.name, []).append(topic.publisher or "")
+    for topic in conditions.topics:
+        if topic.min_rate:
+            seconds[topic.name] = max(seconds.get(topic.name, 0.0), rate_window(topic.min_rate))
+            whose.setdefault(topic.name, []).append(topic.publisher or "")
     return seconds, {name: names for name, names in whose.items() if all(names)}
 
 
@@ -172,17 +168,10 @@ def handshakes(ros: Backend, graph: Graph, conditions: Conditions) -> Said:
     found = {}
     for topic in conditions.topics:
         if topic.latched:
-            alone = _by(graph, {topic.name: [topic.publisher]} if topic.publisher else {})
+            alone = graph.published_by({topic.name: [topic.publisher]} if topic.publisher else {})
             said = ros.handshakes(alone, [topic.name])
             found.update({(name, topic.publisher): handshake for name, handshake in said.items()})
     return found
-
-
-def _by(graph: Graph, nodes: Mapping[str, Sequence[str]]) -> Graph:
-    """The graph in which these nodes alone publish the topics."""
-    return graph.published_by(
-        {name: [key for key in graph.topic(name).publishers if key.name in own] for name, own in nodes.items()}
-    )
 
 
 def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, ears: Ears | None = None) -> Look:
@@ -208,7 +197,7 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
         streamed = [check for check in checks if check.kind in _STREAMED]
         if streamed and all(check.verdict == PASS for check in checks if check not in streamed):
             seconds, only = rate_plan(wanted)
-            rates = ros.rates(_by(graph, only), seconds) if seconds else {}
+            rates = ros.rates(graph.published_by(only), seconds) if seconds else {}
             _graph, _wanted, checks = seen(rates, handshakes(ros, graph, wanted))
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)

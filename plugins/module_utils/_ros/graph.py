@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
+from typing import Any, Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
 from urllib.parse import urlsplit
 
 from .names import by_revision, is_meant
 
 ANY_TYPE = "*"  # what a node says that takes any message type
+PARTS = ("publications", "subscriptions", "services")  # of a node, by name
 # s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
 # come, answers within a fraction of that.
 PATIENCE = 5.0
@@ -304,18 +305,18 @@ class Graph:
         """
         if not nodes:
             return self
-        own = {
-            name: [key for key, _peer in topic.connections if is_meant(key.name, nodes)]
-            for name, topic in self.topics.items()
-        }
+        ends = {name: {key.name for key, _peer in topic.connections} for name, topic in self.topics.items()}
+        own = {name: [node for node in ends[name] if is_meant(node, nodes)] for name in ends}
         topics = self.published_by(own).topics.items()
         return replace(self, topics={name: topic for name, topic in topics if topic.publishers})
 
-    def published_by(self, publishers: Mapping[str, Iterable[NodeKey]]) -> Graph:
-        """The graph in which some of its topics have these publishers alone, so that no others are listened to."""
-        own = {name: tuple(dict.fromkeys(keys)) for name, keys in publishers.items() if name in self.topics}
-        topics = {name: replace(self.topics[name], publishers=keys) for name, keys in own.items()}
-        return replace(self, topics={**self.topics, **topics})
+    def published_by(self, nodes: Mapping[str, Collection[str]]) -> Graph:
+        """The graph in which some of its topics have these nodes alone as publishers: no others are listened to."""
+        topics = dict(self.topics)
+        for name in nodes.keys() & topics.keys():
+            own = tuple(key for key in topics[name].publishers if key.name in nodes[name])
+            topics[name] = replace(topics[name], publishers=own)
+        return replace(self, topics=topics)
 
     # ---- what is found out later
 
@@ -327,7 +328,10 @@ class Graph:
         return replace(graph, nodes={**graph.nodes, **said})
 
     def by_revision(self) -> Graph:
-        """The graph with the names of revisions. Two pods of one are two nodes of one name then."""
+        """The graph with the names of revisions. Two pods of one are two nodes of one name then.
+
+        What a node says of its single connections is called as it says.
+        """
         graph = self._called(lambda key: key._replace(name=by_revision(key.name)), by_revision)
         return replace(graph, nodes={key: _by_revision(node) for key, node in graph.nodes.items()})
 
@@ -377,11 +381,8 @@ class Graph:
 
 
 def _by_revision(node: Node) -> Node:
-    """What a node says of its single connections is called as it says."""
-    has = (tuple(map(by_revision, names)) for names in (node.publications, node.subscriptions, node.services))
-    publications, subscriptions, services = has
-    name = by_revision(node.name)
-    return replace(node, name=name, publications=publications, subscriptions=subscriptions, services=services)
+    has: Any = {part: tuple(map(by_revision, getattr(node, part))) for part in PARTS}
+    return replace(node, name=by_revision(node.name), **has)
 
 
 def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:

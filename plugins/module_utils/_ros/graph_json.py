@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Iterable
+from typing import Any, Iterable
 
 from .._common.documents import Data, Document
 from .graph import (
     GOAL_STATES,
+    PARTS,
     Action,
     Graph,
     Keys,
@@ -76,15 +77,14 @@ def graph_from(data: Document) -> Graph:
 
 def _node_data(node: Node) -> Data:
     said = {"uri": node.uri, "pid": node.pid, "reachable": node.reachable, "error": node.error, "refused": node.refused}
-    has = {"publications": node.publications, "subscriptions": node.subscriptions, "services": node.services}
-    return {**said, **{part: list(names) for part, names in has.items()}}
+    return {**said, **{part: list(getattr(node, part)) for part in PARTS}}
 
 
 def _node_of(name: str, data: Document) -> Node:
     uri, error, refused = data.get("uri") or "", data.get("error") or "", bool(data.get("refused"))
     pid = data.get("pid") if data.get("reachable", True) else None
-    has = [tuple(data.get(part) or ()) for part in ("publications", "subscriptions", "services")]
-    return Node(name, uri, pid, bool(uri or error), error, has[0], has[1], has[2], refused=refused)
+    has: Any = {part: tuple(data.get(part) or ()) for part in PARTS}
+    return Node(name, uri, pid, bool(uri or error), error, **has, refused=refused)
 
 
 def _topic_data(topic: Topic, definitions: bool) -> Data:

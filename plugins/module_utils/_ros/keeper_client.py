@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from .._common.documents import Data
-from .._common.errors import RosError
+from .._common.errors import RefusalError
 from .replies import unwrap
 from .rpc import Api, Deadline, reason
 
@@ -41,11 +41,9 @@ class KeeperCalls:
     def _problem(self, seconds: float, method: str, *params: Any) -> str:
         try:
             with Api(self.uri, self.caller, Deadline(seconds)) as api:
-                reply = api.raw(method, *params)
+                unwrap(api.raw(method, *params))
+        except RefusalError as error:
+            return f"the keeper refused: {error}"
         except Exception as error:
             return reason(error, self.uri, seconds)
-        try:
-            unwrap(reply)
-        except RosError as error:
-            return f"the keeper refused: {error}"
         return ""

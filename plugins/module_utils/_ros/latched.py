@@ -7,11 +7,11 @@ import socket
 import time
 from functools import partial
 from pathlib import Path
-from typing import Callable, Mapping
+from typing import Callable
 
-from .rpc import Deadline, TimedSocket
+from .rpc import Deadline
+from .streams import read_exactly, subscribe
 from .tcpros import FrameCounter
-from .transport import read_exactly, subscribe
 
 PIECE = 1 << 16
 NOTHING = 0.3  # seconds after which a publisher has nothing latched: it sends that at once
@@ -59,13 +59,15 @@ def give(path: Path, sock: socket.socket, seconds: float) -> None:
 class Ear:
     """Listens whether a publisher says anything, without keeping what."""
 
-    def __init__(self, topic: str, uri: str, sock: TimedSocket, header: Mapping[str, str]) -> None:
-        self.topic, self.uri, self.sock = topic, uri, sock
+    def __init__(self, topic: str, uri: str, caller: str, seconds: float) -> None:
+        """RosError or OSError where the publisher does not open a stream within so many seconds."""
+        self.topic, self.uri = topic, uri
+        self.sock, header = subscribe(topic, uri, caller, Deadline(seconds))
         self.latching, self.md5sum = header.get("latching") == "1", header.get("md5sum", "")
         self.heard = False
         self.news = 0  # messages, without one that had been latched before
         self._frames = FrameCounter()
-        sock.setblocking(False)
+        self.sock.setblocking(False)
 
     def listen(self) -> bool:
         """Take what has come; whether it is still connected."""
@@ -80,8 +82,3 @@ class Ear:
             self.news -= self.latching and time.monotonic() - self.sock.opened < AT_ONCE
         self.news += self._frames.feed(data)
         return bool(data)
-
-
-def open_ear(topic: str, uri: str, caller: str, seconds: float) -> Ear:
-    sock, header = subscribe(topic, uri, caller, Deadline(seconds))
-    return Ear(topic, uri, sock, header)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 import time
+from functools import lru_cache
 from typing import Mapping, Sequence
 
 from .._common.documents import Data
@@ -26,7 +27,7 @@ class Listener:
         self._ros = ros
         self._heard = [Heard(condition, time.monotonic()) for condition in conditions]
         self._streams = Streams(ros.caller, ros.timeout, self._took, self._left)
-        self._definitions: dict[tuple[str, str], Definition] = {}
+        self._definition = lru_cache(maxsize=None)(Definition)
         self._lock = threading.Lock()
 
     def checks(self, graph: Graph) -> list[Check]:
@@ -54,19 +55,14 @@ class Listener:
         now, wrong = time.monotonic(), ""
         message: Data = {}
         try:
-            message = self._definition(header).decode(body)
+            definition = self._definition(header.get("type", ""), header.get("message_definition", ""))
+            message = definition.decode(body)
         except RosError as error:
             wrong = str(error)
         with self._lock:
             for one in self._heard:
                 if one.condition.topic == source[0]:
                     one.take(message, now, wrong)
-
-    def _definition(self, header: Mapping[str, str]) -> Definition:
-        key = (header.get("type", ""), header.get("message_definition", ""))
-        if key not in self._definitions:
-            self._definitions[key] = Definition(*key)
-        return self._definitions[key]
 
     def _await_values(self) -> None:
         """A look that has just begun to listen has heard nothing."""

@@ -226,16 +226,11 @@ def _span(heard: Heard, now: float) -> tuple[str, str]:
 
 def _is_within(wanted: ValueCondition, value: Any) -> bool:
     if wanted.equals is not None:
-        return _equal(value, wanted.equals)
+        both = isinstance(value, (int, float)) and isinstance(wanted.equals, (int, float))
+        return math.isclose(value, wanted.equals, rel_tol=CLOSE) if both else bool(value == wanted.equals)
     if not isinstance(value, (int, float)):
         return False
     return (wanted.above is None or value > wanted.above) and (wanted.below is None or value < wanted.below)
-
-
-def _equal(value: Any, wanted: Any) -> bool:
-    if isinstance(value, (int, float)) and isinstance(wanted, (int, float)):
-        return math.isclose(value, wanted, rel_tol=CLOSE)
-    return bool(value == wanted)
 
 
 def _short(value: Any) -> str:

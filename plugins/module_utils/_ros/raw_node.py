@@ -17,9 +17,8 @@ from urllib.parse import parse_qsl
 from .._common.errors import RosError
 from .replies import loads
 from .rpc import Deadline, TimedSocket
-from .streams import hang_up
+from .streams import MAX_HEADER, hang_up, read_frame
 from .tcpros import decode_header, encode_header
-from .transport import MAX_HEADER, read_frame
 
 SEND_SECONDS = 5.0
 MAX_CALL = 4 * 1024 * 1024  # bytes of a call

@@ -7,20 +7,27 @@ The only code that changes a ROS graph for somebody else.
 from __future__ import annotations
 
 import errno
+import time
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping, Sequence
+from typing import Any, Callable, Mapping, Sequence
 
+from .._common.documents import Arguments, Data
 from .._common.errors import RosError
 from . import registrations
 from .backend import MasterState
+from .graph_json import graph_from
+from .names import is_meant
 from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
 from .replies import topic_types
 from .rpc import Api, Deadline, Master, in_parallel, reason, tell_publishers
-from .transport import greet
+from .streams import greet
 
 # Of an address whose kernel says that nothing is there; a time-out says only that nothing came in time.
 _GONE = frozenset({errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
 UPDATES = 3  # publisher lists are sent again where they changed meanwhile
+# A pod's address that is no more: its host finds that out by three ARP requests, one second each.
+UNREACHABLE = 5.0
+BETWEEN_LOOKS = 1.0
 
 
 class Registrar(Master):
@@ -48,7 +55,10 @@ class Registrar(Master):
         """
         sent: dict[Call, list[str]] = {}
         for _attempt in range(UPDATES):
-            found = self._publishers({call.name for call in subscribers})
+            state = self.state()
+            names = {call.name: state.publishers.get(call.name, ()) for call in subscribers}
+            known = self.addresses(sorted({node for nodes in names.values() for node in nodes}))[0]
+            found = {topic: [known[node] for node in nodes if node in known] for topic, nodes in names.items()}
             todo = {call: found[call.name] for call in subscribers if sent.get(call) != found[call.name]}
             if not todo:
                 return
@@ -59,14 +69,6 @@ class Registrar(Master):
             }
             in_parallel(tasks, self.timeout, lambda _call, _error: None)  # one that is gone by now misses nothing
             sent.update(todo)
-
-    def _publishers(self, topics: Iterable[str]) -> dict[str, list[str]]:
-        """The addresses of each topic's publishers."""
-        state = self.state()
-        names = {topic: state.publishers.get(topic, ()) for topic in topics}
-        nodes = sorted({node for found in names.values() for node in found})
-        uris = self.addresses(nodes)[0]
-        return {topic: [uris[node] for node in found if node in uris] for topic, found in names.items()}
 
     # ---- nodes
 
@@ -103,3 +105,34 @@ class Registrar(Master):
         except (OSError, RosError):
             return False
         return reply.get("callerid", node) == node
+
+
+# ---- jobs of an update's step on the robot's host
+
+
+def register(arguments: Arguments) -> Data:
+    """Register again what the `graph` (`graph_json`) has of these `nodes` (all without names) and the master has not.
+
+    Only of nodes that answer at their recorded address, with their recorded process id, and that have the topic or the
+    service by their own word. Services point to the nodes of the graph afterwards.
+    """
+    ros, nodes = Registrar(arguments["master_uri"]), arguments["nodes"]
+    present, recorded = ros.snapshot(), registrations.from_graph(graph_from(arguments["graph"]))
+    wanted = {name: entry for name, entry in recorded.items() if not nodes or is_meant(name, nodes)}
+    need = registrations.missing(wanted, present, take_services=True)
+    calls = registrations.restore(need, present, ros.ask(need))
+    ros.apply(calls)
+    return {"changed": bool(calls)}
+
+
+def reap(arguments: Arguments) -> Data:
+    """Take back what those of the `nodes` left that are gone in two looks. One that is only late is not."""
+    ros, nodes = Registrar(arguments["master_uri"]), arguments["nodes"]
+    suspects = {name: entry for name, entry in ros.snapshot().items() if is_meant(name, nodes)}
+    first = ros.ask(suspects, UNREACHABLE, own_word=False)
+    suspects = {name: entry for name, entry in suspects.items() if registrations.gone(entry, first[name])}
+    if suspects:
+        time.sleep(BETWEEN_LOOKS)
+    calls = registrations.remove(suspects, [first, ros.ask(suspects, UNREACHABLE, own_word=False)])
+    ros.apply(calls)
+    return {"changed": bool(calls)}

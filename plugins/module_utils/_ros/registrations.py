@@ -89,17 +89,6 @@ class Call:
             return (method, self.node, self.name, self.detail) + (() if self.remove else (self.uri,))
         return (method, self.node, self.name) + ((self.uri,) if self.remove else (self.detail, self.uri))
 
-    def as_dict(self) -> dict[str, str]:
-        return {"node": self.node, "kind": self.kind, "name": self.name}
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Calls in the order that they must be made in, and the nodes that were left alone, each with its reason."""
-
-    calls: tuple[Call, ...] = ()
-    skipped: Mapping[str, str] = field(default_factory=dict)
-
 
 # ---- data -> snapshot
 
@@ -139,17 +128,17 @@ def missing(wanted: Snapshot, present: Snapshot, take_services: bool = False) ->
     where it points nowhere.
     """
     addresses = {service: uri for entry in present.values() for service, uri in entry.services.items()}
-    found = {node: _lacking(entry, present.get(node), addresses, take_services) for node, entry in wanted.items()}
+
+    def lacking(entry: Entry, there: Entry) -> Entry:
+        def lacks(kind: str, name: str) -> bool:
+            if kind == SERVICE:
+                return addresses.get(name) != entry.services[name] if take_services else name not in addresses
+            return there.uri != entry.uri or name not in there.part(kind)
+
+        return entry.only(lacks)
+
+    found = {node: lacking(entry, present.get(node, Entry(""))) for node, entry in wanted.items()}
     return {node: need for node, need in found.items() if not need.empty}
-
-
-def _lacking(entry: Entry, there: Entry | None, addresses: Mapping[str, str], take_services: bool) -> Entry:
-    def lacks(kind: str, name: str) -> bool:
-        if kind == SERVICE:
-            return addresses.get(name) != entry.services[name] if take_services else name not in addresses
-        return there is None or there.uri != entry.uri or name not in there.part(kind)
-
-    return entry.only(lacks)
 
 
 # ---- decisions
@@ -169,49 +158,28 @@ def gone(entry: Entry, answer: Liveness) -> str:
     return alive(entry, answer) if answer.verdict in (DEAD, ALIVE) else ""
 
 
-def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness]) -> Plan:
-    """Calls that register what is missing of nodes that live, and have it by their own word."""
-    skipped: dict[str, str] = {}
-    living: dict[str, Entry] = {}
-    for node, entry in need.items():
-        there = present.get(node)
-        if there is not None and there.uri != entry.uri:
-            # registering the old address would make the master shut the newer process down
-            skipped[node] = f"its name is registered from {there.uri} now"
-            continue
-        answer = answers.get(node, Liveness(UNKNOWN, "it was not asked"))
-        why = alive(entry, answer)
-        if why:
-            skipped[node] = why
-            continue
-        living[node], left = _own_word(entry, answer)
-        if left:
-            skipped[node] = f"it does not have them itself: {', '.join(left)}"
-    return Plan(_ordered(living), skipped)
+def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness]) -> tuple[Call, ...]:
+    """Calls that register what is missing of nodes that live, and have it by their own word.
+
+    Registering the old address of a name that a newer process has would make the master shut that one down.
+    """
+
+    def confirmed(entry: Entry, answer: Liveness) -> Entry:
+        own = {kind: getattr(answer, part) for kind, part in KINDS.items()}
+        return entry.only(lambda kind, name: own[kind] is None or name in own[kind])
+
+    asked = {node: entry for node, entry in need.items() if present.get(node, entry).uri == entry.uri}
+    living = {node: entry for node, entry in asked.items() if node in answers and not alive(entry, answers[node])}
+    return _ordered({node: confirmed(entry, answers[node]) for node, entry in living.items()})
 
 
-def _own_word(entry: Entry, answer: Liveness) -> tuple[Entry, list[str]]:
-    """The part of an entry that the node confirms, and the names of the rest."""
-
-    def has(kind: str, name: str) -> bool:
-        own = getattr(answer, KINDS[kind])
-        return own is None or name in own
-
-    return entry.only(has), sorted({name for kind in KINDS for name in entry.part(kind) if not has(kind, name)})
-
-
-def remove(present: Snapshot, answers: Sequence[Mapping[str, Liveness]]) -> Plan:
+def remove(present: Snapshot, answers: Sequence[Mapping[str, Liveness]]) -> tuple[Call, ...]:
     """Calls that take back what nodes left behind that are gone in every one of the `answers`."""
-    skipped: dict[str, str] = {}
-    stale: dict[str, Entry] = {}
-    for node, entry in present.items():
-        asked = [answer[node] for answer in answers if node in answer]
-        if len(asked) == len(answers) and all(gone(entry, answer) for answer in asked):
-            stale[node] = entry
-        else:
-            last = asked[-1] if asked else Liveness(UNKNOWN, "it was not asked")
-            skipped[node] = alive(entry, last) or "it answers"
-    return Plan(_ordered(stale, remove=True), skipped)
+
+    def is_gone(node: str) -> bool:
+        return all(node in answer and gone(present[node], answer[node]) for answer in answers)
+
+    return _ordered({node: entry for node, entry in present.items() if is_gone(node)}, remove=True)
 
 
 def _ordered(entries: Snapshot, remove: bool = False) -> tuple[Call, ...]:
@@ -221,32 +189,3 @@ def _ordered(entries: Snapshot, remove: bool = False) -> tuple[Call, ...]:
         for node, entry in sorted(entries.items())
         for name, detail in sorted(entry.part(kind).items())
     )
-
-
-# ---- what becomes of it
-
-
-def difference(present: Snapshot, calls: Iterable[Call]) -> Data:
-    """The module's diff: the registrations that change, before and after."""
-    before, after = ({node: _shown(entry) for node, entry in present.items()} for _copy in range(2))
-    for call in calls:
-        part = KINDS[call.kind]
-        if call.remove:
-            after[call.node][part].pop(call.name, None)
-            continue
-        if call.kind == SERVICE:  # one provider: the last one
-            for entry in after.values():
-                entry[part].pop(call.name, None)
-        after.setdefault(call.node, _shown(Entry(call.uri)))[part][call.name] = call.detail
-    after = {node: entry for node, entry in after.items() if any(entry[part] for part in KINDS.values())}
-    changed = sorted(node for node in {*before, *after} if before.get(node) != after.get(node))
-    return {
-        "before": {node: before[node] for node in changed if node in before},
-        "after": {node: after[node] for node in changed if node in after},
-    }
-
-
-def _shown(entry: Entry) -> Data:
-    shown = entry.as_dict()
-    del shown["pid"]  # the master does not know it
-    return shown

@@ -55,11 +55,6 @@ class Child:
         """
         return "/" + _NUMBER.sub("", self.name).lstrip("/")
 
-    @property
-    def unexplained(self) -> bool:
-        """It has ended, and roslaunch does not say with what exit code."""
-        return not self.alive and self.exit_code is None
-
 
 def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is frozen
     """What is wrong with a process, in words that follow its name; nothing where it lives, has done its work, or nobody
@@ -68,11 +63,12 @@ def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is fr
     again = f"was started again {child.spawned - 1} time{'s'[: child.spawned > 2]}" if child.spawned > 1 else ""
     if child.alive or child.exit_code == 0:
         return again
-    ended = f"ended with {how(child.exit_code)}" if child.exit_code is not None else ""
     # its node is registered at its host, where nothing listens any more
     left = (node.refused and host_of(node.uri) == child.host for node in graph.named(child.node))
-    if child.unexplained and any(left):
-        ended = "died, as its registration is still there"
+    if child.exit_code is not None:
+        ended = f"ended with {how(child.exit_code)}"
+    else:
+        ended = "died, as its registration is still there" if any(left) else ""
     return " and ".join(part for part in (again, ended) if part)
 
 

@@ -69,7 +69,6 @@ class Deadline:
     """A point in time that all steps of one task share."""
 
     def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
         self.end = time.monotonic() + seconds
 
     def left(self) -> float:

@@ -4,6 +4,8 @@
 Two things are seen from the outside, of any app. A message whose type begins with a Header has a number, which the
 client libraries count up for each publisher: of one publisher none may be missing. And every app that listened has to
 be connected in every look, by the publishers' word, be it by the old or by the new one's node.
+
+It is an account of its own, for tests. It costs a robot's CPU what one more subscriber of each topic costs.
 """
 
 from __future__ import annotations
@@ -12,10 +14,11 @@ import struct
 import threading
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Iterable, Mapping
 
-from .._common.documents import Data, Document
-from .._common.errors import RosError
+from .._common.documents import Arguments, Data, Document
+from .._common.errors import FleetError, RosError
 from . import graph as ros
 from .backend import Questions
 from .client import Ros1Client
@@ -26,6 +29,7 @@ from .streams import Source, Streams
 
 LOGS = ("/rosout", "/rosout_agg")
 NUMBERS = 1 << 32
+PAUSE = 0.2  # seconds between two looks
 
 
 def has_number(header: Mapping[str, str]) -> bool:
@@ -50,39 +54,27 @@ def _listening(topic: ros.Topic) -> set[str]:
 
 
 @dataclass
-class Stream:
-    """The messages of one publisher, on one connection."""
-
-    messages: int = 0
-    missing: int = 0
-    last: int | None = None
-
-    def take(self, number: int | None) -> None:
-        """One came. A publisher that sets its numbers itself may repeat one, or go back: then nothing is known."""
-        self.messages += 1
-        if number is not None and self.last is not None:
-            step = (number - self.last) % NUMBERS
-            self.missing += step - 1 if 0 < step < NUMBERS // 2 else 0
-        self.last = number
-
-
-@dataclass
 class Topic:
     """A topic since somebody watches it."""
 
     numbered: bool = False
-    streams: list[Stream] = field(default_factory=list)
+    publishers: int = 0  # connections that were opened to one
+    messages: int = 0
+    missing: int = 0
     last: float | None = None
     gap: float = 0.0
     unconnected: dict[str, int] = field(default_factory=dict)  # app that listens -> looks without a connection
 
-    @property
-    def messages(self) -> int:
-        return sum(stream.messages for stream in self.streams)
+    def take(self, at: float, number: int | None = None, before: int | None = None) -> None:
+        """A message came, with its number and the one before on its connection, where they have any.
 
-    def take(self, stream: Stream, at: float, number: int | None) -> None:
-        stream.take(number)
-        self.numbered = self.numbered or number is not None
+        A publisher that sets its numbers itself may repeat one, or go back: then nothing is known.
+        """
+        self.messages += 1
+        if number is not None:
+            self.numbered = True
+            step = (number - before) % NUMBERS if before is not None else 0
+            self.missing += step - 1 if 0 < step < NUMBERS // 2 else 0
         if self.last is not None:
             self.gap = max(self.gap, at - self.last)
         self.last = at
@@ -115,9 +107,8 @@ class Traffic:
         for name, topic in sorted(self.topics.items()):
             if name in may_pause:
                 continue
-            missing = sum(stream.missing for stream in topic.streams)
-            if missing:
-                found.append(f"{name}: {missing} of {topic.messages + missing} messages are missing")
+            if topic.missing:
+                found.append(f"{name}: {topic.missing} of {topic.messages + topic.missing} messages are missing")
             for app, looks in sorted(topic.unconnected.items()):
                 if looks:
                     found.append(f"{name}: {app} was not connected in {looks} of {self.looks} looks")
@@ -127,9 +118,9 @@ class Traffic:
         return {
             name: {
                 "messages": topic.messages,
-                "publishers": len(topic.streams),
+                "publishers": topic.publishers,
                 "numbered": topic.numbered,
-                "missing": sum(stream.missing for stream in topic.streams) if topic.numbered else None,
+                "missing": topic.missing if topic.numbered else None,
                 "longest_gap": round(topic.gap, 3),
                 "unconnected_looks": topic.unconnected,
             }
@@ -144,7 +135,7 @@ class Watcher:
         self.traffic = Traffic()
         self._ros = ros
         self._streams = Streams(ros.caller, ros.timeout, self._took, self._left)
-        self._counted: dict[Source, tuple[Stream, bool]] = {}  # and whether its messages are numbered
+        self._counted: dict[Source, tuple[bool, int | None]] = {}  # whether messages are numbered, and the last number
         self._lock = threading.Lock()
 
     def look(self) -> None:
@@ -160,20 +151,41 @@ class Watcher:
     def _took(self, source: Source, header: Mapping[str, str], body: bytes) -> None:
         with self._lock:
             topic = self.traffic.topics[source[0]]
-            if source not in self._counted:
-                self._counted[source] = Stream(), has_number(header)
-                topic.streams.append(self._counted[source][0])
-            stream, numbered = self._counted[source]
+            topic.publishers += source not in self._counted
+            numbered, before = self._counted.get(source) or (has_number(header), None)
             number = struct.unpack_from("<I", body)[0] if numbered and len(body) >= 4 else None
-            topic.take(stream, time.monotonic(), number)
+            topic.take(time.monotonic(), number, before)
+            self._counted[source] = numbered, number
 
     def _left(self, source: Source) -> None:
         """The next connection to it counts by itself."""
         with self._lock:
             self._counted.pop(source, None)
 
-    def result(self, may_pause: list[str]) -> Data:
-        """What there was, and what of it was lost."""
+    def result(self, may_pause: Iterable[str]) -> Data:
+        """`topics`: what came, by topic; `problems`: what of it was lost, but for topics that may pause; `looks`."""
         with self._lock:
             problems = self.traffic.problems(may_pause)
             return {"looks": self.traffic.looks, "topics": self.traffic.as_dict(), "problems": problems}
+
+
+def watch(arguments: Arguments) -> Data:
+    """Listen until the `end_file` is there, and look once more: `Watcher.result`. FleetError after so many `seconds`.
+
+    A master that is replaced does not answer for a while; only that the last look failed is a problem.
+    """
+    watcher, seconds = Watcher(Ros1Client(arguments["master_uri"])), arguments["seconds"]
+    end = Path(arguments["end_file"])
+    deadline = time.monotonic() + seconds
+    while True:
+        last, failed = end.exists(), []
+        try:
+            watcher.look()
+        except RosError as error:
+            failed = [f"the last look failed: {error}"]
+        if last:
+            found = watcher.result(arguments["may_pause"])
+            return {"changed": False, **found, "problems": [*found["problems"], *failed]}
+        if time.monotonic() > deadline:
+            raise FleetError(f"{end} is not there after {seconds} s")
+        time.sleep(PAUSE)

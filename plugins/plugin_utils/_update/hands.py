@@ -306,7 +306,7 @@ class Rest:
     def let_go(self) -> None:
         """Let the goals go that are held: their clients wait. FleetError; they may be held still."""
         if self.held:
-            self._hands.host.release(self._hands.master, self._hands.keeper, [*self.held.values()])
+            self._hands.host.release(self._hands.keeper, [*self.held.values()])
             self.held = {}
 
     def release(self) -> None:

@@ -60,7 +60,7 @@ class ModuleHost:
         asked: Object = {"md5sums": True, "service_connections": True}
         if nodes:
             asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
-        return graph_from(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
+        return graph_from(_well(self._run("ros_graph_info", {"master_uri": master, **asked}))["graph"])
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
@@ -73,14 +73,14 @@ class ModuleHost:
         at = {"keeper_uri": keeper} if keeper else {}
         values = {"values": list(calm.when)} if calm.when else {}
         asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
-        found = self._run("ros_action_hold", {"master_uri": master, **at, **asked})
+        found = self._job("ros_hold", {"master_uri": master, **at, **asked})
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
 
-    def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+    def release(self, keeper: str, actions: Sequence[Object]) -> None:
         """Let the held goals go."""
         if keeper:
-            asked = {"state": "released", "actions": list(actions), "timeout": RELEASE_SECONDS}
-            self._well("ros_action_hold", {"master_uri": master, "keeper_uri": keeper, **asked})
+            asked = {"actions": [one["name"] for one in actions], "timeout": RELEASE_SECONDS, "interval": INTERVAL}
+            _well(self._job("ros_release", {"keeper_uri": keeper, **asked}))
 
     def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
         """Wait until the conditions (options of ros_ready) hold, for `stable` seconds without a break."""
@@ -90,18 +90,22 @@ class ModuleHost:
 
     def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
         """Register these nodes (all without names) with the master as the graph shows them."""
-        asked = {"master_uri": master, "graph": graph_data(graph), "nodes": list(nodes), "state": "present"}
-        self._well("ros_registrations", asked)
+        asked = {"master_uri": master, "graph": graph_data(graph), "nodes": list(nodes)}
+        _well(self._job("ros_register", asked))
 
     def reap(self, master: str, nodes: Sequence[str]) -> None:
         """Take away what dead nodes of these names left."""
-        self._well("ros_registrations", {"master_uri": master, "nodes": list(nodes), "state": "absent"})
+        _well(self._job("ros_reap", {"master_uri": master, "nodes": list(nodes)}))
 
-    def _well(self, name: str, arguments: Object) -> Object:
-        result = self._run(name, arguments)
-        if result.get("failed"):
-            raise RosError(str(result.get("msg") or f"{name} failed without a word"))
-        return result
+    def _job(self, name: str, arguments: Object) -> Object:
+        """Done by the module that is private."""
+        return self._run("_host", {"job": name, "arguments": arguments})
+
+
+def _well(result: Object) -> Object:
+    if result.get("failed"):
+        raise RosError(str(result.get("msg") or "the host's module failed without a word"))
+    return result
 
 
 def _verdict(result: Object) -> str:

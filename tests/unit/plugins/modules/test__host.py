@@ -95,6 +95,13 @@ def test_no_log_gets_a_secret(main: Callable[..., dict[str, Any]], monkeypatch: 
     assert "s3cret" not in str(main(_host, job="facts", arguments={}, secrets={"token": "s3cret"}))
 
 
+@pytest.mark.parametrize("job", _host.ROS_JOBS)
+def test_what_is_wrong_with_a_job_on_the_ros_graph_is_told(main: Callable[..., dict[str, Any]], job: str) -> None:
+    nowhere = dict.fromkeys(("master_uri", "keeper_uri"), "ros-master:11311")
+    asked = {"actions": [], "seconds": 0, "timeout": 0, "interval": 1, "nodes": [], "graph": {}, "end_file": "/"}
+    assert "is not http://host:port" in main(_host, job=job, arguments={**nowhere, **asked})["msg"]
+
+
 @pytest.mark.parametrize("error", [FleetError("a process does not end"), OSError("a file is busy")])
 def test_a_removal_that_was_cut_off_says_how_to_go_on(
     main: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch, error: Exception

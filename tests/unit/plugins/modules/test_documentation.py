@@ -14,21 +14,15 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import RO
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
 from ansible_collections.rosops.fleet.plugins.modules import (
     rollout_ready,
-    ros_action_hold,
     ros_graph_info,
     ros_ready,
-    ros_registrations,
-    ros_traffic_info,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ACCESS_ARGS
 
 SPECS: dict[Any, Mapping[str, Any]] = {
     rollout_ready: {**ACCESS_ARGS, **rollout_ready_action.ActionModule.ARGUMENTS},
-    ros_action_hold: {**ROS_ARGS, **ros_action_hold.HOLD_ARGS, **VALUE_ARGS},
     ros_graph_info: {**ROS_ARGS, **ros_graph_info.INFO_ARGS},
     ros_ready: {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS, **VALUE_ARGS},
-    ros_registrations: {**ROS_ARGS, **ros_registrations.REGISTRATION_ARGS},
-    ros_traffic_info: {**ROS_ARGS, **ros_traffic_info.TRAFFIC_ARGS},
 }
 CALLER = ("elements", "aliases", "choices", "default", "required")  # has to know these to write an option, and its type
 FRAGMENTS = "ansible_collections.rosops.fleet.plugins.doc_fragments"

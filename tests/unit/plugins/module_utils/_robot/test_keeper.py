@@ -29,12 +29,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import M
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,
+    KINDS,
+    SERVICE,
     UNKNOWN,
     Call,
     Entry,
     Liveness,
-    difference,
-    from_dict,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import master_state
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
@@ -120,13 +120,16 @@ class Ros:
         return Liveness(ALIVE, "", entry.pid, *topics)
 
     def apply(self, calls: Sequence[Call]) -> None:
-        told = difference(self.entries, calls)
-        pids = {node: self.entries[node].pid for node in self.entries}
-        kept = {node: entry for node, entry in self.entries.items() if node not in told["before"]}
-        self.entries = {
-            **kept,
-            **{node: from_dict({"pid": pids.get(node), **one}) for node, one in told["after"].items()},
-        }
+        for call in calls:
+            for node, entry in [*self.entries.items()]:
+                if node == call.node or call.kind == SERVICE:  # which has one provider
+                    other = (call.kind, call.name)
+                    self.entries[node] = entry.only(lambda kind, name, other=other: (kind, name) != other)  # type: ignore[misc]
+            if not call.remove:
+                entry = self.entries.get(call.node, Entry(call.uri))
+                part: Any = {KINDS[call.kind]: {**entry.part(call.kind), call.name: call.detail}}
+                self.entries[call.node] = replace(entry, **part)
+        self.entries = {node: entry for node, entry in self.entries.items() if not entry.empty}
 
 
 class Bench:

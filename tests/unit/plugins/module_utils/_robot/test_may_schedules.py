@@ -19,8 +19,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_hold import hold_when_idle
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_robot import IdleRobot
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_robot import IdleRobot, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import cluster as update_cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster

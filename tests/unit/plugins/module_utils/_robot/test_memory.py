@@ -70,8 +70,8 @@ def test_the_earlier_provider_of_a_service_is_remembered() -> None:
     left = {"/old": taken["/old"]}
     it.lost(left, 2.0)
     due = it.lost(left, 3.0)
-    plan = it.settle(due, left, {"/old": YES})
-    assert [call.request[0] for call in plan.calls] == ["registerService"]
+    calls = it.settle(due, left, {"/old": YES})
+    assert [call.request[0] for call in calls] == ["registerService"]
 
 
 def test_a_newer_process_takes_the_name() -> None:

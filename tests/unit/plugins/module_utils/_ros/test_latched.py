@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import latched, raw_node
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.latched import Ear, give, open_ear, take
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.latched import Ear, give, take
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Publication, Slave
 from ansible_collections.rosops.fleet.tests.unit.plugins.latching import HEADER, TOPIC, LatchingTopic, latching_node
 
@@ -79,7 +79,7 @@ def listen(ear: Ear, news: int) -> None:
 
 def test_one_that_was_latched_before_is_heard_and_is_no_news(node: Slave, topic: LatchingTopic) -> None:
     topic.publish(b"before")
-    ear = open_ear(TOPIC, node.uri, "/us", 2.0)
+    ear = Ear(TOPIC, node.uri, "/us", 2.0)
     listen(ear, 0)
     assert (ear.heard, ear.news, ear.md5sum) == (True, 0, HEADER["md5sum"])
     topic.publish(LARGE)
@@ -93,7 +93,7 @@ def test_the_first_one_is_news_where_nothing_was_latched_before(
     node: Slave, topic: LatchingTopic, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(latched, "AT_ONCE", 0.0)  # it comes later than that
-    ear = open_ear(TOPIC, node.uri, "/us", 2.0)
+    ear = Ear(TOPIC, node.uri, "/us", 2.0)
     assert ear.listen()
     assert (ear.heard, ear.news) == (False, 0)
     while not topic.callers():
@@ -101,7 +101,7 @@ def test_the_first_one_is_news_where_nothing_was_latched_before(
     topic.publish(b"now")
     listen(ear, 1)
     ear.sock.close()
-    other = open_ear("/other", node.uri, "/us", 2.0)
+    other = Ear("/other", node.uri, "/us", 2.0)
     while not node.callers("/other"):
         pass
     node.publish("/other", b"not latched")
@@ -110,7 +110,7 @@ def test_the_first_one_is_news_where_nothing_was_latched_before(
 
 
 def test_the_end_of_a_publisher_is_noticed(node: Slave) -> None:
-    ear = open_ear(TOPIC, node.uri, "/us", 2.0)
+    ear = Ear(TOPIC, node.uri, "/us", 2.0)
     node.unadvertise(TOPIC)
     assert select.select([ear.sock], [], [], 5)[0]
     assert not ear.listen()

@@ -162,12 +162,10 @@ def seen(heard: Heard, now: float = 0.0, *publishers: str) -> tuple[str, str]:
         ({"above": 0.4}, 0.4, WAIT, "is 0.4, not above 0.4"),
         ({"above": 0.4}, math.nan, WAIT, "is nan, not above 0.4"),
         ({"above": 0.4}, "full", WAIT, "is 'full', not above 0.4"),
-        ({"below": 3.0}, 2, PASS, "is 2"),
         ({"above": 1.0, "below": 3.0}, 3.5, WAIT, "is 3.5, not above 1.0 and below 3.0"),
         ({"equals": 0.4}, 0.4000000059604645, PASS, "is 0.4"),  # as 32 bits have it
         ({"equals": True}, True, PASS, "is True"),
         ({"equals": True}, 0, WAIT, "is 0, not equal to True"),
-        ({"equals": "docked"}, "docked", PASS, "is 'docked'"),
         ({"equals": "1"}, 1, WAIT, "is 1, not equal to '1'"),
         ({"equals": "docked"}, "a" * 99, WAIT, f"is '{'a' * 56}..., not equal to 'docked'"),
     ],
@@ -184,33 +182,25 @@ def test_the_last_value_counts(bounds: dict[str, Any], value: Any, verdict: str,
 
 def test_what_was_heard_stands_in_the_check() -> None:
     heard = Heard(ValueCondition("/t", "a", above=1.0), 0.0)
-    heard.take({"a": 2}, 1.0)
-    found = check_value(graph("/p", "/q"), heard, 1.0)
-    assert (found.kind, found.name) == ("value", "/t a above 1.0")
-    assert found.observed == {"publishers": ["/p", "/q"], "value": 2}
     heard.take({"a": ("x", "y")}, 2.0)
-    assert check_value(graph("/p"), heard, 2.0).observed == {"publishers": ["/p"], "value": "('x', 'y')"}
+    found = check_value(graph("/p", "/q"), heard, 2.0)
+    assert (found.kind, found.name) == ("value", "/t a above 1.0")
+    assert found.observed == {"publishers": ["/p", "/q"], "value": "('x', 'y')"}
 
 
-def test_a_field_that_no_message_has_fails_at_once() -> None:
-    for condition in (ValueCondition("/t", "b", above=1.0), ValueCondition("/t", "b", quiet=1.0)):
-        heard = Heard(condition, 0.0)
-        heard.take({"a": 1}, 1.0)
-        assert seen(heard, 5.0) == (FAIL, "it has no field b: there is a where b is looked for")
-
-
-def test_who_cannot_be_heard_may_say_anything() -> None:
-    for condition in (ValueCondition("/t", "a", above=1.0), ValueCondition("/t", quiet=1.0)):
-        heard = Heard(condition, 0.0)
-        heard.take({"a": 2}, 0.0)
-        heard.unheard = {"/q": "no answer"}
-        assert seen(heard, 9.0, "/p", "/q") == (WAIT, "not known, as publishers cannot be heard: /q (no answer)")
+@pytest.mark.parametrize("wanted", [{"above": 1.0}, {"quiet": 1.0}])
+def test_a_field_that_no_message_has_fails_at_once_and_who_cannot_be_heard_may_say_anything(wanted: Any) -> None:
+    heard = Heard(ValueCondition("/t", "b", **wanted), 0.0)
+    heard.take({"a": 1}, 1.0)
+    assert seen(heard, 5.0) == (FAIL, "it has no field b: there is a where b is looked for")
+    heard.unheard = {"/q": "no answer"}
+    assert seen(heard, 9.0, "/p", "/q") == (WAIT, "not known, as publishers cannot be heard: /q (no answer)")
 
 
 def test_nobody_publishes() -> None:
-    found = check_value(Graph({}, {}, {}, {}), Heard(ValueCondition("/t", "a", above=1.0), 0.0), 1.0)
+    found = check_value(Graph(), Heard(ValueCondition("/t", "a", above=1.0), 0.0), 1.0)
     assert (found.verdict, found.reason) == (WAIT, "nobody publishes it")
-    quiet = check_value(Graph({}, {}, {}, {}), Heard(ValueCondition("/t", quiet=3.0), 0.0), 3.0)
+    quiet = check_value(Graph(), Heard(ValueCondition("/t", quiet=3.0), 0.0), 3.0)
     assert (quiet.verdict, quiet.reason) == (PASS, "nothing in 3.0 s")
 
 

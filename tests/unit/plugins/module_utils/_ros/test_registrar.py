@@ -3,10 +3,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import ALIVE, DEAD, UNKNOWN, Call, Entry
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import registrar
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar, reap, register
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
+    ALIVE,
+    DEAD,
+    UNKNOWN,
+    Call,
+    Entry,
+    Liveness,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 
@@ -55,6 +65,85 @@ def test_a_subscriber_is_told_until_the_list_stays_the_same(peers: Peers) -> Non
     assert told == [["http://h/p:1/"], ["http://h/p:1/", "http://h/q:1/"]]
 
 
-def test_no_master() -> None:
-    with pytest.raises(RosError, match="does not answer"):
-        Registrar("http://127.0.0.1:1/", 0.5).snapshot()
+# ---- the jobs of a step
+
+URI, SERVICE = "http://10.0.0.1:1/", "rosrpc://10.0.0.1:3"
+NODE = {"uri": URI, "pid": 7, "publications": ["/a"], "subscriptions": [], "services": ["/s"]}
+GRAPH = {"nodes": {"/n": NODE}, "topics": {"/a": {"type": "x/A"}}, "services": {"/s": {"uri": SERVICE}}}
+WHOLE, PART = Entry(URI, None, {"/a": "x/A"}, {}, {"/s": SERVICE}), Entry(URI, None, {"/a": "x/A"})
+LIVES, GONE, LATE = (
+    Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset(), frozenset({"/s"})),
+    Liveness(DEAD, "refused"),
+    Liveness(UNKNOWN, "late"),
+)
+
+
+class World:
+    """What is registered, what nodes answer, one look after the other, and what was done: (method, node, name)."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.there: dict[str, Entry] = {}
+        self.answers: dict[str, list[Liveness]] = {}
+        self.done: list[tuple[str, ...]] = []
+        monkeypatch.setattr(registrar, "BETWEEN_LOOKS", 0)
+        monkeypatch.setattr(Registrar, "snapshot", lambda _ros: self.there)
+        monkeypatch.setattr(Registrar, "ask", self.ask)
+        monkeypatch.setattr(Registrar, "apply", lambda _ros, calls: self.done.extend(one.request[:3] for one in calls))
+
+    def ask(self, entries: dict[str, Entry], seconds: float = 0.0, own_word: bool = True) -> dict[str, Liveness]:
+        assert (seconds >= 5) is not own_word  # a pod's address that is no more takes its time
+        return {node: self.answers[node].pop(0) for node in entries}
+
+    def register(self, *nodes: str, graph: Any = GRAPH) -> bool:
+        found: bool = register({"master_uri": "http://m:1", "graph": graph, "nodes": nodes})["changed"]
+        return found
+
+    def reap(self, *nodes: str) -> bool:
+        found: bool = reap({"master_uri": "http://m:1", "nodes": nodes})["changed"]
+        return found
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    return World(monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("there", "nodes", "done"),
+    [
+        ({}, [], [("registerPublisher", "/n", "/a"), ("registerService", "/n", "/s")]),
+        ({"/n": PART}, ["/n"], [("registerService", "/n", "/s")]),
+        # whoever has the service now is about to go
+        ({"/n": PART, "/m": Entry("http://m:2/", None, {}, {}, {"/s": "x"})}, [], [("registerService", "/n", "/s")]),
+        ({"/n": WHOLE}, [], []),
+        ({}, ["/other"], []),
+    ],
+)
+def test_what_lives_is_registered_again(world: World, there: Any, nodes: list[str], done: list[Any]) -> None:
+    world.there, world.answers = there, {"/n": [LIVES]}
+    assert world.register(*nodes) is bool(done)
+    assert world.done == done
+    assert bool(world.answers["/n"]) is not bool(done)  # nobody is asked where nothing is missing
+
+
+@pytest.mark.parametrize(
+    ("answers", "nodes", "removed"),
+    [([GONE, GONE], ["/n"], 1), ([GONE, LIVES], ["/n"], 0), ([LATE], ["/n"], 0), ([LIVES], ["/n"], 0), ([], [], 0)],
+)
+def test_what_the_dead_left_is_taken_away(
+    world: World, answers: list[Liveness], nodes: list[str], removed: int
+) -> None:
+    world.there, world.answers = {"/n": PART}, {"/n": answers}
+    assert world.reap(*nodes) is bool(removed)
+    assert world.done == [("unregisterPublisher", "/n", "/a")] * removed
+
+
+def test_the_name_of_a_revision_means_the_nodes_of_its_pods(world: World) -> None:
+    """Of the graph that was recorded when it is to be registered, of those that are there when it is to go."""
+    one, two, other = "/n_1a2b3c4d_4", "/n_1a2b3c4d_5", "/n_99999999_4"
+    world.answers = {one: [LIVES, LIVES], two: [GONE, GONE]}
+    assert world.register("/n_1a2b3c4d", graph={**GRAPH, "nodes": dict.fromkeys((one, other), NODE)})
+    assert {node for _method, node, _name in world.done} == {one}
+    world.there = dict.fromkeys((one, two, other), PART)
+    assert world.reap("/n_1a2b3c4d")
+    assert world.done[-1] == ("unregisterPublisher", two, "/a")

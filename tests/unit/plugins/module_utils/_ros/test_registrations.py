@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,7 +12,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations im
     ALIVE,
     DEAD,
     UNKNOWN,
-    Call,
     Entry,
     Liveness,
 )
@@ -22,15 +22,15 @@ YES = Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset({"/
 
 
 def test_the_calls_are_the_masters_api_in_the_nodes_name() -> None:
-    plan = registrations.restore({"/n": TALKER}, {}, {"/n": YES})
-    assert [call.request for call in plan.calls] == [
+    calls = registrations.restore({"/n": TALKER}, {}, {"/n": YES})
+    assert [call.request for call in calls] == [
         ("registerPublisher", "/n", "/a", "x/A", URI),
         ("registerService", "/n", "/s", "rosrpc://10.0.0.1:3", URI),
         ("registerSubscriber", "/n", "/b", "x/B", URI),
     ]
     gone = Liveness(DEAD, "refused")
-    plan = registrations.remove({"/n": TALKER}, [{"/n": gone}, {"/n": gone}])
-    assert [call.request for call in plan.calls] == [
+    calls = registrations.remove({"/n": TALKER}, [{"/n": gone}, {"/n": gone}])
+    assert [call.request for call in calls] == [
         ("unregisterSubscriber", "/n", "/b", URI),
         ("unregisterService", "/n", "/s", "rosrpc://10.0.0.1:3"),
         ("unregisterPublisher", "/n", "/a", URI),
@@ -41,33 +41,31 @@ def test_all_publishers_come_before_the_first_subscriber() -> None:
     """Else roscpp's subscribers, told of some publishers only, would hang up on the others."""
     need = {"/a": TALKER, "/z": Entry(OTHER, None, {"/b": "x/B"})}
     answers = {"/a": YES, "/z": Liveness(ALIVE, "", 8)}  # a process id that was not recorded is not compared
-    kinds = [call.kind for call in registrations.restore(need, {}, answers).calls]
+    kinds = [call.kind for call in registrations.restore(need, {}, answers)]
     assert kinds == ["publisher", "publisher", "service", "subscriber"]
 
 
+ALL = ("/a", "/s", "/b")
+
+
 @pytest.mark.parametrize(
-    ("answer", "calls", "why"),
+    ("answer", "restored"),
     [
-        (YES, 3, None),
-        (Liveness(ALIVE, "", 7, None, None, frozenset({"/s"})), 3, None),  # it does not say what it has
-        (Liveness(ALIVE, "", 7, frozenset(), frozenset({"/b"}), frozenset({"/s"})), 2, "/a"),
-        (Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset()), 2, "/s"),
-        (Liveness(ALIVE, "", 8), 0, "another process"),
-        (Liveness(DEAD, "nothing listens"), 0, "nothing listens"),
-        (Liveness(UNKNOWN, "no answer"), 0, "no answer"),
+        (YES, ALL),
+        (replace(YES, publications=None, subscriptions=None), ALL),  # it does not say what it has
+        (replace(YES, publications=frozenset()), ("/s", "/b")),
+        (replace(YES, services=frozenset()), ("/a", "/b")),
+        (replace(YES, pid=8), ()),  # another process
+        (Liveness(DEAD, "nothing listens"), ()),
+        (Liveness(UNKNOWN, "no answer"), ()),
     ],
 )
-def test_only_what_the_node_confirms_is_restored(answer: Liveness, calls: int, why: str | None) -> None:
-    plan = registrations.restore({"/n": TALKER}, {}, {"/n": answer})
-    assert len(plan.calls) == calls
-    assert (why or "") in plan.skipped.get("/n", "")
-    assert bool(plan.skipped) == bool(why)
-
-
-def test_the_newer_process_of_a_name_is_left_alone() -> None:
-    """The master would shut it down: its address is not the one that would be registered."""
-    plan = registrations.restore({"/n": TALKER}, {"/n": Entry(OTHER, None, {"/a": "x/A"})}, {"/n": YES})
-    assert (plan.calls, list(plan.skipped)) == ((), ["/n"])
+def test_only_what_the_node_confirms_is_restored(answer: Liveness, restored: tuple[str, ...]) -> None:
+    calls = registrations.restore({"/n": TALKER}, {}, {"/n": answer})
+    assert tuple(call.name for call in calls) == restored
+    assert registrations.restore({"/n": TALKER}, {}, {}) == ()
+    # the master would shut a newer process of the name down: its address is not the one that would be registered
+    assert registrations.restore({"/n": TALKER}, {"/n": Entry(OTHER, None, {"/a": "x/A"})}, {"/n": answer}) == ()
 
 
 @pytest.mark.parametrize(
@@ -105,12 +103,8 @@ def test_what_is_missing(present: dict[str, Entry], take: bool, missing: set[str
     ],
 )
 def test_only_who_is_gone_twice_is_removed(answers: list[Liveness], removed: bool) -> None:
-    plan = registrations.remove({"/n": TALKER}, [{"/n": answer} for answer in answers])
-    assert (bool(plan.calls), bool(plan.skipped)) == (removed, not removed)
-
-
-def test_who_was_not_asked_is_not_removed() -> None:
-    assert not registrations.remove({"/n": TALKER}, [{"/n": Liveness(DEAD)}, {}]).calls
+    assert bool(registrations.remove({"/n": TALKER}, [{"/n": answer} for answer in answers])) is removed
+    assert registrations.remove({"/n": TALKER}, [{"/n": answers[0]}, {}]) == ()  # nobody asked it the second time
 
 
 def test_a_graph_of_ros_graph_info() -> None:
@@ -130,15 +124,3 @@ def test_a_snapshot_of_the_master() -> None:
     state = MasterState({"/a": ("/n",)}, {"/b": ("/n", "/m")}, {"/s": ("/n",)}, {"/a": "x/A"})
     found = registrations.from_master(state, {"/n": URI}, {"/s": "rosrpc://h:1"})
     assert found == {"/n": Entry(URI, None, {"/a": "x/A"}, {"/b": "*"}, {"/s": "rosrpc://h:1"})}
-
-
-def test_the_difference_shows_whom_a_service_is_taken_from() -> None:
-    present = {"/m": Entry(OTHER, None, services={"/s": "y"}), "/idle": Entry(URI, 7, {"/a": "x/A"})}
-    shown = registrations.difference(present, [Call("service", "/n", "/s", "x", URI)])
-    assert set(shown["before"]) == {"/m"}
-    assert set(shown["after"]) == {"/n"}
-    assert registrations.difference(present, []) == {"before": {}, "after": {}}
-
-
-def test_an_entry_survives_its_record() -> None:
-    assert registrations.from_dict(TALKER.as_dict()) == TALKER

@@ -67,10 +67,6 @@ def test_who_leaves_its_registration_behind_has_not_done_its_work(child: Child, 
     assert crash(child, graph) == ("died, as its registration is still there" if died else "")
 
 
-def test_only_of_some_it_is_known_how_they_ended() -> None:
-    assert [child.unexplained for child in (GONE, ALIVE, replace(GONE, exit_code=0))] == [True, False, False]
-
-
 def test_whose_servers() -> None:
     told = {
         "host_10_42_0_7__40001": "http://10.42.0.7:40001/",
@@ -92,21 +88,20 @@ def test_a_list_that_is_none(listed: Any) -> None:
     assert list(processes(listed)) == []
 
 
-def test_nothing_but_these_fields_is_taken_from_what_a_process_is() -> None:
-    info = {"env": {"TOKEN": "hush"}, "args": ["x"], "alive": True, "respawn": True, "required": True, "pid": 7}
-    child = child_of(POD, "a-1", True, 1, info)
-    assert child == Child("a-1", POD, True, None, True, True, 1)
-    assert "hush" not in repr(child)
-
-
-def test_one_that_is_to_be_started_again_is_not_alive() -> None:
-    info = {"alive": False, "exit_code": 5, "respawn": True, "required": False}
-    assert child_of(POD, "a-1", True, 1, info) == Child("a-1", POD, False, 5, True, False, 1)
-
-
-@pytest.mark.parametrize("info", [RosError("no process by that name"), None, {}, {"exit_code": "3", "respawn": "no"}])
-def test_one_that_roslaunch_has_forgotten(info: Any) -> None:
-    assert child_of(POD, "a-1", False, 1, info) == Child("a-1", POD, False, None, False, False, 1)
+@pytest.mark.parametrize(
+    ("minded", "info", "expected"),
+    [
+        (True, {"env": {"TOKEN": "hush"}, "args": ["x"], "alive": True, "respawn": True, "required": True, "pid": 7},
+         Child("a-1", POD, True, None, True, True, 1)),
+        # it is to be started again
+        (True, {"alive": False, "exit_code": 5, "respawn": True}, Child("a-1", POD, False, 5, True, False, 1)),
+        # roslaunch has forgotten it
+        *((False, info, Child("a-1", POD, False, None, False, False, 1))
+          for info in (RosError("no process by that name"), None, {"exit_code": "3", "respawn": "no"})),
+    ],
+)  # fmt: skip
+def test_what_a_process_is_and_nothing_else(minded: bool, info: Any, expected: Child) -> None:
+    assert child_of(POD, "a-1", minded, 1, info) == expected
 
 
 # ---- asking

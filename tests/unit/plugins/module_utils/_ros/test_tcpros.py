@@ -22,24 +22,9 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import frames
 @pytest.mark.parametrize(
     ("part", "key", "expected"),
     [
-        (
-            "topics",
-            "/chatter by rospy",
-            {"callerid": "/talker_a", "topic": "/chatter", "type": "std_msgs/String", "latching": "0"},
-        ),
-        (
-            "topics",
-            "/chatter_relay by roscpp",
-            {"callerid": "/relay", "topic": "/chatter_relay", "type": "std_msgs/String", "latching": "0"},
-        ),
-        ("services", "/trigger by rospy", {"callerid": "/helper", "type": "std_srvs/Trigger"}),
+        ("topics", "/chatter_relay by roscpp", {"callerid": "/relay", "topic": "/chatter_relay", "latching": "0"}),
         ("services", "/rosout/get_loggers by roscpp", {"callerid": "/rosout", "type": "roscpp/GetLoggers"}),
         ("services", "/trigger by rospy, unknown service", {"error": "[/helper] is not a provider of  [/nothing]"}),
-        (
-            "services",
-            "/rosout/get_loggers by roscpp, unknown service",
-            {"error": "received a tcpros connection for a nonexistent service [/nothing]."},
-        ),
         ("statuses", "active", {"callerid": "/worker", "latching": "1", "type": "actionlib_msgs/GoalStatusArray"}),
     ],
 )

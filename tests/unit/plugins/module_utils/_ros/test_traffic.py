@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import traffic
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, Node, NodeKey, Topic
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Stream, Traffic, has_number
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Traffic, Watcher, has_number
 
 SCAN, OLD, NEW, MAP, MAP2 = "/scan", "/lidar_00000001", "/lidar_00000002", "/mapping_0000000a", "/mapping_0000000b"
 HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"
@@ -30,11 +34,11 @@ def watched(*looks: Graph) -> Traffic:
 
 def take(traffic: Traffic, *numbers: int | None) -> None:
     """One publisher's messages, a tenth of a second apart."""
-    stream = Stream()
-    traffic.topics[SCAN].streams.append(stream)
+    topic, before = traffic.topics[SCAN], None
+    topic.publishers += 1
     for number in numbers:
-        topic = traffic.topics[SCAN]
-        topic.take(stream, (topic.last or 0.0) + 0.1, number)
+        topic.take((topic.last or 0.0) + 0.1, number, before)
+        before = number
 
 
 def test_apps_that_hand_over_lose_nothing() -> None:
@@ -70,12 +74,8 @@ def test_numbers_that_say_nothing_are_no_loss(numbers: tuple[int | None, ...]) -
     traffic = watched(graph((OLD, MAP)))
     take(traffic, *numbers)
     assert traffic.problems([]) == []
-
-
-def test_of_messages_without_a_number_nobody_knows() -> None:
-    traffic = watched(graph((OLD, MAP)))
-    take(traffic, None, None)
-    assert (traffic.as_dict()[SCAN]["messages"], traffic.as_dict()[SCAN]["missing"]) == (2, None)
+    told = traffic.as_dict()[SCAN]
+    assert (told["messages"], told["missing"]) == (len(numbers), None if None in numbers else 0)
 
 
 def test_an_app_without_a_publisher_is_said() -> None:
@@ -126,3 +126,24 @@ def test_a_number_is_that_of_a_header_at_the_beginning(text: str, numbered: bool
     said = {"type": "demo/Scan", "message_definition": text}
     assert has_number(said) is numbered
     assert not has_number({**said, "latching": "1"})  # rospy counts what it gives to each that comes later, too
+
+
+def test_it_is_listened_until_the_end_and_looked_once_more(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    end, looks = tmp_path / "end", list[int]()
+
+    def look(_watcher: object) -> None:
+        looks.append(1)
+        if len(looks) == 2:
+            end.touch()
+        if len(looks) != 2:  # a master that is replaced, and one that stays away
+            raise RosError("no answer")
+
+    monkeypatch.setattr(Watcher, "look", look)
+    monkeypatch.setattr(traffic, "PAUSE", 0)
+    asked = {"master_uri": "http://m:1", "end_file": str(end), "may_pause": []}
+    found = traffic.watch({**asked, "seconds": 60})
+    assert found["problems"] == ["no message was seen on any topic", "the last look failed: no answer"]
+    assert (len(looks), found["topics"]) == (3, {})
+    end.unlink()
+    with pytest.raises(FleetError, match="end is not there after 0 s"):
+        traffic.watch({**asked, "seconds": 0})

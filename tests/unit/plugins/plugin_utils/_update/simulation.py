@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Ch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_hold import CONSECUTIVE, hold_when_idle
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_robot import CONSECUTIVE, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
@@ -646,9 +646,8 @@ class SimulatedHost:
             unmet = [str(check) if check.kind == "value" else check.reason for check in ended.last.unmet]
             return Seen(ended.verdict, "; ".join(unmet), ended.held)
 
-    def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+    def release(self, keeper: str, actions: Sequence[Object]) -> None:
         with self.sim.call("release", 0.7):
-            assert master
             assert not self.sim.checking
             for action in actions if keeper else ():
                 self.sim.let_go(str(action["name"]))

@@ -224,7 +224,7 @@ class Quiet:
         self.held |= {*asked}
         return Seen("pass", "", asked)
 
-    def release(self, _master: str, _keeper: str, actions: Sequence[Object]) -> None:
+    def release(self, _keeper: str, actions: Sequence[Object]) -> None:
         self.held -= {str(action["name"]) for action in actions}
 
 

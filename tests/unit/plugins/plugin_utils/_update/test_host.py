@@ -41,6 +41,10 @@ class Node:
         raise AssertionError((src, dest, rate_limit))
 
 
+def job(name: str, **arguments: Any) -> tuple[str, dict[str, Any]]:
+    return "_host", {"job": name, "arguments": arguments}
+
+
 def host(modules: Modules, check: bool = False, names: list[str] | None = None) -> ModuleHost:
     return ModuleHost(lambda: None, modules.run, ImageSource(NodeImages(Node()), [], names or []), check)
 
@@ -70,7 +74,7 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
     asked = host(Modules(failed=True, **answer))
     for ask in (
         lambda: asked.graph(MASTER, 1.0),
-        lambda: asked.release(MASTER, KEEPER, REST),
+        lambda: asked.release(KEEPER, REST),
         lambda: asked.register(MASTER, Graph()),
         lambda: asked.reap(MASTER, ["/a"]),
     ):
@@ -83,32 +87,32 @@ def test_goals_are_held_and_let_go() -> None:
     seen = host(modules).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0)
     assert seen == Seen("wait", "/plan is busy", ("/plan",))
     asked = {"actions": REST, "seconds": 60.0, "timeout": 8.0, "interval": 0.2}
-    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
+    assert modules.ran == [job("ros_hold", master_uri=MASTER, keeper_uri=KEEPER, **asked)]
     modules = Modules()
-    host(modules).release(MASTER, KEEPER, REST)
-    asked = {"state": "released", "actions": REST, "timeout": 30.0}
-    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
+    host(modules).release(KEEPER, REST)
+    asked = {"actions": ["/plan", "/dock"], "timeout": 30.0, "interval": 0.2}
+    assert modules.ran == [job("ros_release", keeper_uri=KEEPER, **asked)]
 
 
 def test_what_messages_must_say_goes_along() -> None:
     modules, values = Modules(verdict="pass"), [{"topic": "/battery", "field": "percentage", "above": 0.4}]
     host(modules).hold(MASTER, "", Calm([], values), 0.0, 8.0)
     asked = {"actions": [], "values": values, "seconds": 0.0, "timeout": 8.0, "interval": 0.2}
-    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, **asked})]
+    assert modules.ran == [job("ros_hold", master_uri=MASTER, **asked)]
 
 
 def test_without_a_keeper_nothing_is_held_or_let_go() -> None:
     modules = Modules(verdict="pass")
     host(modules).hold(MASTER, "", Calm(REST), 60.0, 8.0)
-    host(modules).release(MASTER, "", REST)
-    ((_name, arguments),) = modules.ran
-    assert "keeper_uri" not in arguments
+    host(modules).release("", REST)
+    ((_name, given),) = modules.ran
+    assert "keeper_uri" not in given["arguments"]
 
 
 def test_in_check_mode_actions_are_looked_at_and_not_held() -> None:
     modules = Modules(verdict="pass")
     host(modules, check=True).hold(MASTER, KEEPER, Calm(REST), 60.0, 0.0)
-    assert modules.ran[0][1]["actions"] == [{"name": "/plan"}, {"name": "/dock"}]
+    assert modules.ran[0][1]["arguments"]["actions"] == [{"name": "/plan"}, {"name": "/dock"}]
 
 
 def test_conditions_are_waited_for() -> None:
@@ -130,11 +134,10 @@ def test_registrations_are_given_and_taken() -> None:
     host(modules).register(MASTER, Graph(), ["/a"])
     host(modules).register(MASTER, Graph())
     host(modules).reap(MASTER, ["/b"])
-    given = {"master_uri": MASTER, "graph": graph_data(Graph()), "state": "present"}
     assert modules.ran == [
-        ("ros_registrations", {**given, "nodes": ["/a"]}),
-        ("ros_registrations", {**given, "nodes": []}),
-        ("ros_registrations", {"master_uri": MASTER, "nodes": ["/b"], "state": "absent"}),
+        job("ros_register", master_uri=MASTER, graph=graph_data(Graph()), nodes=["/a"]),
+        job("ros_register", master_uri=MASTER, graph=graph_data(Graph()), nodes=[]),
+        job("ros_reap", master_uri=MASTER, nodes=["/b"]),
     ]
 
 
