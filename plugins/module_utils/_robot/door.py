@@ -49,7 +49,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestRules:
     """What a robot has to be before it, or one app of it, is changed.
 
     `when` are options of ros_ready, `idle` actions besides those that its nodes serve.
@@ -61,14 +61,14 @@ class Rest:
     idle: tuple[str, ...]
 
 
-def rest_of(found: Object | None, app: str) -> Rest:
+def rest_of(found: Object | None, app: str) -> RestRules:
     """What the ConfigMap says of one app, or without one of all of them together; SpecError where it says nothing."""
     try:
         said = json.loads((found or {})["data"][REST_KEY])
         windows = Windows(*(said["windows"][key] for key in ("spans", "zone", "turns")))
         apps = [one for name, one in said["apps"].items() if app in ("", name)]
         when = [*said["when"], *(item for one in apps for item in one["when"])]
-        rest = Rest(said["space"], windows, tuple(when), tuple(name for one in apps for name in one["idle"]))
+        rest = RestRules(said["space"], windows, tuple(when), tuple(name for one in apps for name in one["idle"]))
     except (AttributeError, KeyError, TypeError, ValueError):
         raise SpecError(UNTOLD) from None
     if app and not apps:
@@ -150,7 +150,7 @@ class Door:
             return no(self._closed(rest) or why)
         return Answer(True, why, holder, version, tuple(self.holds.of(namespace).servers) if mine else ())
 
-    def _closed(self, rest: Rest) -> str:
+    def _closed(self, rest: RestRules) -> str:
         """Until when its window is, in words; empty: it is open."""
         wall = self.holds.wall()
         opens = rest.windows.opens_at(wall)
@@ -159,7 +159,7 @@ class Door:
     def _at_work(self, namespace: str, lease: Object | None) -> bool:
         return bool(holder_of(lease)) and not self.left_over(namespace, lease)
 
-    def _rests(self, namespace: str, app: str, rest: Rest, mine: bool) -> tuple[str, str]:
+    def _rests(self, namespace: str, app: str, rest: RestRules, mine: bool) -> tuple[str, str]:
         """Verdict and reason. What is held already is only looked at: its owner may be at work."""
         state = self.ros.state()
         graph = self.ros.ask(state, Questions(dict.fromkeys(state.nodes(), frozenset()))).by_revision()

@@ -23,7 +23,6 @@ from .._pod.started import (
     INTERVAL,
     SECONDS,
     SLOW_INTERVAL,
-    UNREGISTERED,
     Outside,
     Owed,
     Starting,
@@ -33,7 +32,6 @@ from .._pod.started import (
 )
 from .._pod.state import TIMEOUT, Settings, State, load_settings
 from .._ros.backend import Backend, MasterState
-from .._ros.checks import Check
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
@@ -238,26 +236,21 @@ class Readiness:
             verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
             if verdict == PASS:
                 break
-            if self._unheard(checks, began):
+            # its nodes told only a master that has gone: nodes of ROS 1 register once
+            if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
                 self._begin_anew(pod)
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
                 self._say(pod, False, text)
                 told, told_at = text, now
             self.sleep(INTERVAL if now - began < SECONDS else SLOW_INTERVAL)
-        for other in self._others(pod):
-            for node in () if is_terminating(other) else self._nodes(other):
-                self.keep_latched(node.name, node.uri, LATCHED)
+        for node in self._nodes([one for one in self._others(pod) if not is_terminating(one)]):
+            self.keep_latched(node.name, node.uri, LATCHED)
         self._say(pod, True, PROVEN + container)
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
         said = condition(True, PROVEN + container, _time())
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
         self.log(f"{name_of(pod)} is ready")
-
-    def _unheard(self, checks: Sequence[Check], began: float) -> bool:
-        """Whether its node told only a master that has gone: nodes of ROS 1 register once."""
-        there = not any(check.kind == "node" and check.reason.startswith(UNREGISTERED) for check in checks)
-        return not there and began < self.restarted_at() <= self.now() - UNHEARD
 
     def _begin_anew(self, pod: Object) -> None:
         words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
@@ -296,7 +289,7 @@ class Readiness:
     def _end(self, pod: Object) -> None:
         """Its nodes leave the graph, and end: roscpp as process 1 of a container is deaf to SIGTERM."""
         replaced = any(map(is_proven, self._others(pod)))
-        for node in self._nodes(pod):
+        for node in self._nodes([pod]):
             if not replaced:  # else that was done before the next one was said to be ready
                 self.keep_latched(node.name, node.uri, LATCHED)
             for step in (node.unregister, node.forget, node.shut_down):
@@ -310,15 +303,19 @@ class Readiness:
         uid = pod["metadata"]["uid"]
         return [one for one in list(self.pods.values()) if app_of(one) == app_of(pod) and one["metadata"]["uid"] != uid]
 
-    def _nodes(self, pod: Object) -> list[OwnNode]:
-        """What is registered from its address; where no master answers the node that was seen of it last."""
-        settings, address, seen = settings_of(pod), address_of(pod), self.seen.get(str(pod["metadata"]["uid"]))
+    def _nodes(self, pods: Sequence[Object]) -> list[OwnNode]:
+        """What is registered from their addresses; where no master answers the nodes that were seen of them last."""
         try:
-            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if address else {}
+            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if pods else {}
         except RosError:
-            return [seen] if seen else []
-        here = {name: entry for name, entry in there.items() if host_of(entry.uri) == address}
-        return [OwnNode(name, entry.uri, entry.services, settings) for name, entry in here.items()]
+            uids = [str(pod["metadata"]["uid"]) for pod in pods]
+            return [self.seen[uid] for uid in uids if uid in self.seen]
+        return [
+            OwnNode(name, entry.uri, entry.services, settings_of(pod))
+            for pod in pods
+            for name, entry in there.items()
+            if host_of(entry.uri) == address_of(pod) != ""
+        ]
 
 
 class Sent:

@@ -137,6 +137,7 @@ class Scene:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
+        self.snapshots = 0
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.registered: dict[str, Entry] | None = {OWN: Entry(URI)}
@@ -146,6 +147,7 @@ class Scene:
             def __init__(self, *_: Any) -> None: ...
 
             def snapshot(self) -> dict[str, Entry]:
+                scene.snapshots += 1
                 if scene.registered is None:
                     raise RosError("the master is away")
                 return scene.registered
@@ -158,6 +160,8 @@ class Scene:
             def __getattr__(self, what: str) -> Any:
                 return lambda _seconds: scene.done.append((what, self.name))
 
+        places = {OWN: URI}  # all others are elsewhere
+        self.world.addresses = lambda names: ({name: places.get(name, "http://h:1/") for name in names}, {})  # type: ignore[attr-defined]
         monkeypatch.setattr(readiness, "Ros1Client", lambda *_: self.world)
         monkeypatch.setattr(readiness, "Registrar", Registrar)
         monkeypatch.setattr(readiness, "OwnNode", OwnNode)
@@ -267,9 +271,12 @@ def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene:
     old = pod("old", says="c1", address="127.0.0.9")
     scene.gates.take(old)
     scene.gates.take(pod("gone", address="127.0.0.8", ends=True))
+    scene.gates.take(pod("third", says="c1", address="127.0.0.7"))
     scene.done.clear()
+    scene.snapshots = 0
     scene.gates.take(pod())
     assert scene.done == [("keep_latched", "/talker_00000000")]
+    assert scene.snapshots == 1  # of the master, however many pods the app has
     scene.gates.take({**old, "metadata": {**old["metadata"], "deletionTimestamp": "T"}})
     steps = ["unregister", "forget", "shut_down"]
     assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
@@ -294,11 +301,14 @@ def test_without_a_master_the_node_that_was_seen_is_ended(scene: Scene) -> None:
     assert scene.done == []
 
 
+@pytest.mark.parametrize("known", [KNOWN, {**KNOWN, "expect_node": False, "launch": "overlap"}])
 @pytest.mark.parametrize(("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0)])
 def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
-    scene: Scene, restarted: float, comes: float, evicted: int
+    scene: Scene, known: dict[str, Any], restarted: float, comes: float, evicted: int
 ) -> None:
-    """Not one that only takes its time, nor one that was there before its pod."""
+    """Not one that only takes its time, nor one that was there before its pod; whether a launch file names it or we."""
+    starting = pod()
+    starting["metadata"]["annotations"][SETTINGS] = json.dumps(known)
     registered = dict(scene.world.publishers)
     scene.world.publishers = {"/in": ["/source"]}
     scene.world.subscribers, scene.world.services = {}, {}
@@ -310,7 +320,7 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
         scene.restarted_at = restarted
 
     scene.soon = [(3.0, restart), (comes, come), (20.0, lambda: scene.gates.pods.clear())]
-    scene.gates.take(pod())
+    scene.gates.take(starting)
     assert len(scene.api.evicted) == evicted
 
 
