@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import time
-from typing import Mapping
+from typing import Callable, Mapping
 
 from .._common.errors import KubeError
 from .._exporter import exporter
@@ -128,19 +128,20 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     latched.resume()
     slave.register({"keep_latched": latched.keep})
     watch = None
+    beside: list[Callable[[], None]] = []
     if cluster:
         client = Ros1Client(uri, TIMEOUT, NAME)
         holds = Holds(cluster, client, KeeperCalls(slave.uri, NAME), kept)
         robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence, holds.watch)
         watch = StepWatch(cluster, client, robot, kept, tell)
         slave.show(PATH, Door(holds, watch.left_over).page)
+        beside.append(watch.run)
+        if cluster.home != FLEET:  # a shared master's keeper is no robot's
+            beside.append(Readiness(cluster, uri, latched.keep, lambda: keeper.restarted_at, tell).run)
     slave.start()
     shown.start()
-    if cluster and watch:
-        threading.Thread(target=watch.run, daemon=True).start()
-        if cluster.home != FLEET:  # a shared master's keeper is no robot's
-            gates = Readiness(cluster, uri, latched.keep, lambda: keeper.restarted_at, tell)
-            threading.Thread(target=gates.run, daemon=True).start()
+    for work in beside:
+        threading.Thread(target=work, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while not told_to_end(pause):

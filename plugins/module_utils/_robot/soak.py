@@ -10,7 +10,7 @@ that is gone, a master that is silent.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Mapping, Sequence
 
 from .._common.documents import Data
@@ -29,8 +29,9 @@ LISTS = ("nodes", "topics", "services", "actions", "edges")
 
 @dataclass
 class Soaking:
-    """What was seen of one step."""
+    """A step as it is now, and what was seen of it so far."""
 
+    step: Step
     seconds: float = 0.0  # for which it could be seen
     looks: int = 0
     bad: int = 0  # looks that found it so, one after the other
@@ -43,44 +44,41 @@ class Soaking:
         """Nobody is proven by a rate that nobody has counted."""
         return self.bad > 0 or self.looks % RATED == RATED - 1
 
+    @property
+    def good(self) -> bool:
+        """Whether it is proven by now."""
+        return self.seconds >= self.step.soak and self.counted and not self.why
 
-@dataclass
+    def look(self, passed: float, ros: Backend, silence: Silence) -> None:
+        for member in self.step.members:
+            self.with_host.update(ends_by_container(member.pods, with_host=True))
+        self.why = "others of its step went back" if self.step.begun else ended(self.step, self.with_host)
+        if self.why or not self.step.rolled_out:
+            return
+        counts = self.counts_messages
+        verdict = worse(look(ros, conditions_from(conditions(self.step, counts)), silence))
+        if verdict is None:
+            return
+        self.counted = (counts or self.counted) and not verdict
+        self.seconds, self.looks = self.seconds + passed, self.looks + 1
+        self.bad = self.bad + 1 if verdict else 0
+        self.why = verdict if self.bad >= LOOKS else ""
+
+
 class Soak:
     """The steps of one namespace that soak."""
 
-    silence: Silence = field(default_factory=Silence)
-    steps: dict[str, Soaking] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.silence = Silence()
+        self.steps: dict[str, Soaking] = {}
 
-    def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> None:
+    def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> list[Soaking]:
         """Once at each; `passed` are the seconds since the last look."""
-        self.steps = {step.key: self.steps.get(step.key) or Soaking() for step in steps}
+        known, self.steps = self.steps, {}
         for step in steps:
-            self._look(step, self.steps[step.key], passed, ros)
-
-    def _look(self, step: Step, found: Soaking, passed: float, ros: Backend) -> None:
-        for member in step.members:
-            found.with_host.update(ends_by_container(member.pods, with_host=True))
-        found.why = "others of its step went back" if step.begun else ended(step, found.with_host)
-        if found.why or not step.rolled_out:
-            return
-        counts = found.counts_messages
-        seen = look(ros, conditions_from(conditions(step, counts)), self.silence)
-        verdict = worse(seen)
-        if verdict is None:
-            return
-        found.counted = (counts or found.counted) and not verdict
-        found.seconds, found.looks = found.seconds + passed, found.looks + 1
-        found.bad = found.bad + 1 if verdict else 0
-        found.why = verdict if found.bad >= LOOKS else ""
-
-    def bad(self, step: Step) -> str:
-        """Why it goes back; empty: it does not."""
-        return self.steps.get(step.key, Soaking()).why
-
-    def good(self, step: Step) -> bool:
-        """Whether it is proven by now."""
-        found = self.steps.get(step.key, Soaking())
-        return found.seconds >= step.soak and found.counted and not found.why
+            found = self.steps[step.key] = replace(known.get(step.key) or Soaking(step), step=step)
+            found.look(passed, ros, self.silence)
+        return [*self.steps.values()]
 
 
 def conditions(step: Step, rates: bool) -> Data:

@@ -149,42 +149,36 @@ class StepWatch:
     def _steps_left(self, namespace: str, seen: Observed) -> None:
         there = self.cluster.deployments(namespace)
         steps = self._steps(namespace, there)
-        due = seen.due(steps)
+        due = seen.due(steps[UPDATING])
         self._remember(namespace, seen)
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
-        soaking = self._soak(namespace, seen, there)
-        recorded = self._record(namespace, there)
-        seen.nothing = seen.version if recorded and not (steps or soaking) else None
-
-    def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
-        """Those whose Deployments are marked; with SOAKING those that soak."""
-        marked = [item for item in there if mark_of(item, key) is not None]
-        pods = [] if key == UPDATING and all(map(rolled_out, marked)) else self.cluster.pods(namespace)
-        records = read_records(self.cluster, namespace, map(name_of, marked))
-        chosen = marked if key == UPDATING else [item for item in marked if soaks(item, records)]
-        return steps_of([member_of(item, records, pods) for item in chosen], there)
-
-    def _soak(self, namespace: str, seen: Observed, there: list[Object]) -> bool:
-        """Look at what soaks; whether anything does still."""
-        steps = self._steps(namespace, there, SOAKING) if any(mark_of(one, SOAKING) for one in there) else []
-        soak = self.soaks.setdefault(namespace, Soak())
-        soak.look(steps, seen.passed, self.ros)
-        for step in steps:
-            why = soak.bad(step)
-            if why:
-                self._due(namespace, seen, Due(step, SOAKING, f"{why}, within {step.soak:.0f} s of the update"))
-        good = {step.key: step.name for step in steps if soak.good(step)}
+        soaking = self.soaks.setdefault(namespace, Soak()).look(steps[SOAKING], seen.passed, self.ros)
+        for one in soaking:
+            if one.why:
+                reason = f"{one.why}, within {one.step.soak:.0f} s of the update"
+                self._due(namespace, seen, Due(one.step, SOAKING, reason))
+        good = {one.step.key: one.step.name for one in soaking if one.good}
         if good:
             about = f"{namespace}/{next(iter(good.values()))}"
             self._with_lease(namespace, seen, about, "is not proven yet: {}", partial(self._prove, good))
-        return bool(steps)
+        recorded = self._record(namespace, there)
+        seen.nothing = seen.version if recorded and not any(steps.values()) else None
+
+    def _steps(self, namespace: str, there: list[Object]) -> dict[str, list[Step]]:
+        """Mark -> the steps that it stands for: those that are not over, and those that soak."""
+        marked = {key: [item for item in there if mark_of(item, key) is not None] for key in (UPDATING, SOAKING)}
+        records = read_records(self.cluster, namespace, [name_of(one) for found in marked.values() for one in found])
+        marked[SOAKING] = [item for item in marked[SOAKING] if soaks(item, records)]
+        needed = marked[SOAKING] or not all(map(rolled_out, marked[UPDATING]))
+        pods = self.cluster.pods(namespace) if needed else []
+        return {key: steps_of([member_of(one, records, pods) for one in of], there) for key, of in marked.items()}
 
     def _prove(self, good: Collection[str], claim: Claim) -> None:
         """They were good for long enough. The record says so first; only then the mark comes off."""
-        for step in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), SOAKING):
+        for step in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[SOAKING]:
             if step.key not in good:
                 continue
             claim.renew()
@@ -260,7 +254,7 @@ class StepWatch:
 
     def _still_due(self, due: Due, claim: Claim) -> None:
         """What was due may be over by now."""
-        for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), due.key):
+        for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[due.key]:
             if again.key == due.step.key and due.still(again):
                 self._go_back(claim, replace(due, step=again))
 
