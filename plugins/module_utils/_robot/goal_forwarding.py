@@ -57,20 +57,16 @@ class Participants:
 
     def __init__(self, action: str, ros: Registrar, own: str) -> None:
         state = ros.state()
-        published, subscribed = state.publishers, state.subscribers
-        names = {part: published.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
+        names = {part: state.publishers.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
         everyone = sorted({name for found in names.values() for name in found} - {own})
         uris = ros.addresses(everyone)[0]
         self.clients, self.cancellers, self.status = (
             {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
         )
-        whole = set(subscribed.get(f"{action}/goal", ())) & set(subscribed.get(f"{action}/cancel", ()))
-        self.servers = {name: uri for name, uri in self.status.items() if name in whole}
-        self.listed = own in published.get(f"{action}/goal", ())
-        self.hears = {
-            topic: set(subscribed.get(topic, ())) & set(self.clients)
-            for topic in (f"{action}/result", f"{action}/status")
-        }
+        self.servers = {name: self.status[name] for name in state.servers(action) if name in self.status}
+        self.listed = own in names["goal"]
+        answers = (f"{action}/result", f"{action}/status")
+        self.hears = {topic: set(state.subscribers.get(topic, ())) & set(self.clients) for topic in answers}
 
 
 class Forwarder(threading.Thread):
@@ -295,9 +291,7 @@ class Forwarder(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        scene = Participants(self.hold.action, self.ros, self.slave.name)
-        with self.lock:
-            self.scene = scene
+        self.scene = Participants(self.hold.action, self.ros, self.slave.name)
 
     def run(self) -> None:
         looked = 0.0
@@ -309,11 +303,9 @@ class Forwarder(threading.Thread):
                     looked = time.monotonic()
                     self.look()
                 self.tick()
-            except RosError as error:
-                self.log(f"the master is away: {error}")
-                time.sleep(AWAY)
             except Exception as error:  # whatever one look brings: without us nobody gives the goals back
-                self.log(f"error: {type(error).__name__}: {error}")
+                away = isinstance(error, RosError)
+                self.log(f"{'the master is away' if away else f'error: {type(error).__name__}'}: {error}")
                 time.sleep(AWAY)
         with self.lock:
             for stream in self.streams.values():

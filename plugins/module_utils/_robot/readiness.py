@@ -39,7 +39,7 @@ from .._ros.registrar import Registrar
 from .._step.objects import Object, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import ApiError, Cluster
+from .cluster_api import ApiError, Cluster, lease_time
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -96,13 +96,6 @@ def address_of(pod: Object) -> str:
     return str((pod.get("status") or {}).get("podIP") or "")
 
 
-def condition(ready: bool, text: str, at: str) -> Object:
-    """The condition to write."""
-    reason = "InTheGraph" if ready else "NotInTheGraph"
-    told = {"status": "True" if ready else "False", "reason": reason, "message": text}
-    return {"type": READINESS, **told, "lastTransitionTime": at}
-
-
 # ---- doing it
 
 
@@ -139,14 +132,11 @@ class Readiness:
             try:
                 version = self.follow(version)
                 self._tell("")
-            except FleetError as error:
-                version = ""
-                if not (isinstance(error, ApiError) and error.status == GONE):
-                    self._tell(str(error))
-                    self.sleep(AGAIN)
             except Exception as error:  # whatever the API sends, what comes next may be better
                 version = ""
-                self.log(f"error: {type(error).__name__}: {error}")
+                if isinstance(error, ApiError) and error.status == GONE:
+                    continue
+                self._tell(str(error) if isinstance(error, FleetError) else f"{type(error).__name__}: {error}")
                 self.sleep(AGAIN)
 
     def _tell(self, text: str) -> None:
@@ -169,7 +159,7 @@ class Readiness:
             if event.get("type") == "DELETED":
                 self.pods.pop(pod["metadata"]["uid"], None)
                 self.seen.pop(pod["metadata"]["uid"], None)
-            elif event.get("type") != "BOOKMARK":
+            else:  # a BOOKMARK has no gate
                 self.take(pod)
         return version
 
@@ -213,13 +203,17 @@ class Readiness:
         if work != END and pod is not None and due(pod) == PROVE:  # it ended by an error, or was proven just now
             self._begin(uid, container_of(pod))
 
-    def _say(self, pod: Object, ready: bool, text: str) -> None:
-        """In the pod's own condition; a pod that has gone meanwhile needs none."""
+    def _say(self, pod: Object, ready: bool, text: str) -> Object:
+        """In the pod's own condition, which it returns; a pod that has gone meanwhile needs none."""
+        reason, at = "InTheGraph" if ready else "NotInTheGraph", lease_time(time.time())
+        said = {"status": str(ready), "reason": reason, "message": text}
+        condition = {"type": READINESS, **said, "lastTransitionTime": at}
         try:
-            self.cluster.set_condition(self.namespace, pod, condition(ready, text, _time()))
+            self.cluster.set_condition(self.namespace, pod, condition)
         except ApiError as error:
             if error.status not in (404, 409):
                 raise
+        return condition
 
     # ---- a new version
 
@@ -246,16 +240,15 @@ class Readiness:
             self.sleep(INTERVAL if now - began < SECONDS else SLOW_INTERVAL)
         for node in self._nodes([one for one in self._others(pod) if not is_terminating(one)]):
             self.keep_latched(node.name, node.uri, LATCHED)
-        self._say(pod, True, PROVEN + container)
+        said = self._say(pod, True, PROVEN + container)
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
-        said = condition(True, PROVEN + container, _time())
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
         self.log(f"{name_of(pod)} is ready")
 
     def _begin_anew(self, pod: Object) -> None:
         words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
         self.cluster.evict(self.namespace, pod, None)
-        self.cluster.tell(self.namespace, pod, "NodeUnheard", words, _time())
+        self.cluster.tell(self.namespace, pod, "NodeUnheard", words, lease_time(time.time()))
         self.log(f"{name_of(pod)}: {words}")
 
     def looks(self, pod: Object) -> Starting:
@@ -349,7 +342,3 @@ class Debts:
             record = record_of(self.cluster.config_map(self.namespace, record_name(self.app)))
             self.found, self.read_at = owed_by(record, self.revision), self.now()
         return self.found
-
-
-def _time() -> str:
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

@@ -104,11 +104,14 @@ class Watchdog:
     def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
         """Evict it; what was done, or why it could not be. An Event of the pod says so, too.
 
-        A goal that has come since `waits` keeps the pod, as one that was there before does.
-        So does an answer of the node.
+        A goal that has come since `waits` keeps the pod, and so does an answer of the node.
         """
         goals = open_goals_at(self.ros, one.pod)
-        waiting = one.works(goals) or self._answers(one)
+        try:
+            back = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).node(one.node).reachable
+        except RosError:
+            back = False
+        waiting = one.works(goals) or (f"node {one.node} answers again" if back else "")
         if waiting:
             return waiting
         at_work = goals.servers and not goals.unknown  # a goal may begin now: its stop hook lets it end
@@ -124,14 +127,6 @@ class Watchdog:
         self._done(f"{namespace}/{one.app}").append(self.now())
         self.cluster.tell(namespace, one.pod, REASON, words, at)
         return f"{words}: its pod {name_of(one.pod)} is begun anew"
-
-    def _answers(self, one: Hung) -> str:
-        """A node that was silent in the last look of the keeper may be back."""
-        try:
-            node = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).node(one.node)
-        except RosError:
-            return ""
-        return f"node {one.node} answers again" if node.reachable else ""
 
     def _done(self, about: str) -> list[float]:
         """When the app was begun anew lately."""
