@@ -7,6 +7,7 @@ Looks at names and sizes only, under the directory of the storage class local-pa
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
@@ -52,17 +53,12 @@ def used(path: str) -> int:
 def look(path: str, namespace: str) -> dict[str, int]:
     """Bytes by claim; claims of which nothing is on this node are left out."""
     found: dict[str, int] = {}
-    try:
-        with os.scandir(path) as entries:
-            directories = [(claim_of(entry.name, namespace), entry.path) for entry in entries if entry.is_dir()]
-    except OSError:
-        return found
-    for claim, directory in directories:
-        if claim:
-            try:
-                found[claim] = found.get(claim, 0) + used(directory)
-            except OSError:
-                continue
+    with contextlib.suppress(OSError), os.scandir(path) as entries:
+        for entry in entries:
+            claim = claim_of(entry.name, namespace) if entry.is_dir() else ""
+            if claim:
+                with contextlib.suppress(OSError):  # gone meanwhile
+                    found[claim] = found.get(claim, 0) + used(entry.path)
     return found
 
 

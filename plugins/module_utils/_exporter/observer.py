@@ -79,41 +79,35 @@ class Observer(Master):
         return found
 
     def ask_node(self, errand: Errand) -> NodeReply:
-        """All questions to one node, whatever it answers."""
-        if not isinstance(errand.uri, str):
+        """All questions to one node, whatever it answers.
+
+        Its process id tells that it lives; without one of the others only that part is unknown.
+        """
+        uri = errand.uri
+        errors: list[str] = []
+        if not isinstance(uri, str):
             return NodeReply(errors=("fault",))
         try:
-            answer = self._calls(errand.uri)
+            with Api(uri, CALLER, Deadline(self.timeout)) as api:
+                pid = api.process()
+                info = _tried(errors, lambda: replies.unwrap(api.raw("getBusInfo", CALLER)))
+                stats = _tried(errors, lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
         except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-            return NodeReply(errand.uri, errors=(snapshot.reason(error),))
+            return NodeReply(uri, errors=(snapshot.reason(error),))
+        links = None if info is None else tuple(link for link in replies.connections(info) if link.peer != CALLER)
         deadline = Deadline(self.timeout)
-        services, actions, errors = {}, {}, list(answer.errors)
-        for service, uri in errand.services:
-            _none, why = _tried(partial(self._greet, service, uri, deadline))
-            services[service] = why is None
-            errors += [why] if why else []
-        for action in errand.actions:
-            goals, why = _tried(partial(self._goals, errand.uri, action, deadline))
-            if why is None:
-                actions[action] = goals
-            errors += [why] if why else []
-        return replace(answer, services=services, actions=actions, errors=tuple(errors))
+        greeted = {name: _tried(errors, partial(self._greet, name, at, deadline)) for name, at in errand.services}
+        read = {action: _tried(errors, partial(self._goals, uri, action, deadline)) for action in errand.actions}
+        services = {name: bool(answers) for name, answers in greeted.items()}
+        actions = {action: goals for action, goals in read.items() if goals is not None}
+        return NodeReply(uri, pid, stats, links, own_connections(info), services, actions, tuple(errors))
 
-    def _calls(self, uri: str) -> NodeReply:
-        """The process id, which tells that it lives; without one of the others only that part is unknown."""
-        with Api(uri, CALLER, Deadline(self.timeout)) as api:
-            pid = api.process()
-            info, why_info = _tried(lambda: replies.unwrap(api.raw("getBusInfo", CALLER)))
-            stats, why_stats = _tried(lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
-        links = tuple(link for link in replies.connections(info) if link.peer != CALLER) if why_info is None else None
-        errors = tuple(why for why in (why_info, why_stats) if why)
-        return NodeReply(uri, pid, stats, links, own_connections(info), errors=errors)
-
-    def _greet(self, service: str, uri: Any, deadline: Deadline) -> None:
+    def _greet(self, service: str, uri: Any, deadline: Deadline) -> bool:
         """Shake hands as a client does before a call; the service itself is not called."""
         if not isinstance(uri, str):
             raise RefusalError(f"the master has no address of {service}")
         greet(service, uri, CALLER, deadline)
+        return True
 
     def _goals(self, uri: str, action: str, deadline: Deadline) -> tuple[int, ...]:
         """The goals in one status message, over a connection that the master does not know."""
@@ -129,12 +123,13 @@ def own_connections(info: Any) -> tuple[int, ...]:
     )  # fmt: skip
 
 
-def _tried(call: Callable[[], Any]) -> tuple[Any, str | None]:
-    """A call's result, or None and the reason why there is none."""
+def _tried(errors: list[str], call: Callable[[], Any]) -> Any:
+    """A call's result; None where there is none, and the reason goes to the errors."""
     try:
-        return call(), None
+        return call()
     except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-        return None, snapshot.reason(error)
+        errors.append(snapshot.reason(error))
+        return None
 
 
 # ---- again and again

@@ -67,7 +67,8 @@ class Holds:
                 known = Owned(version_of(found), self.now() + duration_of(found), servers)
             if known and owner_of(found) and self.now() < known.until:
                 there = {} if new else self._there()
-                self._hold(known, {name: one for name, one in known.servers.items() if name not in there})
+                # those that are not: the hold is longer now, or another server has come
+                self._robot(known).hold({name: one for name, one in known.servers.items() if name not in there})
                 self._keep(namespace, known)
             elif known:
                 # what a run holds by now is not let go; the rest ends by itself
@@ -100,10 +101,6 @@ class Holds:
         finally:
             claim.write()
         return claim.found
-
-    def _hold(self, known: Owned, servers: Mapping[str, str]) -> None:
-        """Once more: the hold is longer now, or another server has come."""
-        self._robot(known).hold(servers)
 
     def _robot(self, known: Owned) -> IdleRobot:
         return IdleRobot(self.ros, self.keeper, Conditions(), lambda: known.until - self.now())

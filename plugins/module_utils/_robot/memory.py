@@ -92,8 +92,7 @@ class Memory:
             there = present.get(node)
             if there is not None and there.uri != entry.uri:
                 continue  # a newer process has the name; learn() takes it up
-            waited = at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN)
-            if waited:
+            if at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN):
                 due[node] = entry
                 self.asked[node] = now
         return due
@@ -118,16 +117,11 @@ class Memory:
             if restarted and answer.verdict == registrations.DEAD:
                 self.bury(node, restarted)
                 continue
-            known = self.nodes[node]
-            kept = (
-                {
-                    name: detail
-                    for name, detail in known.part(kind).items()
-                    if name not in entry.part(kind) or (kind, node, name) in restored
-                }
-                for kind in (registrations.PUBLISHER, registrations.SUBSCRIBER, registrations.SERVICE)
-            )
-            self.nodes[node] = Entry(known.uri, known.pid, *kept)
+
+            def stays(kind: str, name: str, node: str = node, entry: Entry = entry) -> bool:
+                return name not in entry.part(kind) or (kind, node, name) in restored
+
+            self.nodes[node] = self.nodes[node].only(stays)
             if self.nodes[node].empty:
                 self.forget(node)
         return plan
