@@ -80,10 +80,7 @@ class Door:
     """The pages below /v1/. `left_over`: whether whoever has this Lease of a namespace has gone."""
 
     def __init__(
-        self,
-        holds: Holds,
-        left_over: Callable[[str, Object | None], bool],
-        sleep: Callable[[float], None] = time.sleep,
+        self, holds: Holds, left_over: Callable[[str, Object | None], bool], sleep: Callable[[float], None] = time.sleep
     ) -> None:
         self.holds, self.cluster, self.ros = holds, holds.cluster, holds.ros
         self.left_over, self.sleep = left_over, sleep

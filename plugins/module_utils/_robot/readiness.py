@@ -19,17 +19,7 @@ from typing import Callable, Mapping, Sequence
 from .._common.errors import FleetError, RosError
 from .._common.poll import FAIL, PASS, overall
 from .._pod.own_node import OwnNode, places
-from .._pod.started import (
-    INTERVAL,
-    SECONDS,
-    SLOW_INTERVAL,
-    Outside,
-    Owed,
-    Starting,
-    introduce,
-    message,
-    owed_by,
-)
+from .._pod.started import INTERVAL, SECONDS, SLOW_INTERVAL, Outside, Owed, Starting, introduce, message, owed_by
 from .._pod.state import TIMEOUT, Settings, State, load_settings
 from .._ros.backend import Backend, MasterState
 from .._ros.client import Ros1Client

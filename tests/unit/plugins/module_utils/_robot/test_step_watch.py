@@ -35,10 +35,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.ste
     pod,
     version,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import (
-    launch_graph,
-    launch_step,
-)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import launch_graph, launch_step
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import pod as engine_pod
 
 ACTIVE, SUCCEEDED = 1, 3
