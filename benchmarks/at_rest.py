@@ -191,7 +191,7 @@ def asked_of_the_master(scene: ExporterScene, pid: int) -> float:
         if keeping.probing is not None:
             keeping.probing.join()
 
-    record = KeptFiles(str(scene.directory / "another"))
+    record = KeptFiles(str(scene.directory / "another"), print)
     keeping = keeper.Keeper(Registrar(scene.uri, 2.0, "/bench_keeper"), record, print, lambda: now[0])
     look()  # the first learns everything
     return cost_of(look, pid, looks) * 1000 / keeper.REST

@@ -339,14 +339,13 @@ class GoalForwarding:
         self,
         ros: Registrar,
         slave: Slave,
-        save: Callable[[Any], None],
+        write: Callable[[Any], bool],
         log: Callable[[str], None],
         stays: Callable[[str, str], bool],
     ) -> None:
         self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
-        self.write = save
+        self.write = write
         self.forwarders: dict[str, Forwarder] = {}
-        self.unsaved = False
         self.lock = threading.RLock()
         self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}
 
@@ -359,19 +358,10 @@ class GoalForwarding:
             one.start()
 
     def save(self) -> bool:
-        """Keep it; whether that could be done. Where it fails (the disk is full), it is said once."""
+        """Keep it; whether that could be done."""
         with self.lock:
-            now, was_unsaved = time.monotonic(), self.unsaved
-            try:
-                self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
-                self.unsaved = False
-            except OSError as error:
-                self.unsaved = True
-                if not was_unsaved:
-                    self.log(f"what is held is not on record, and lost if the keeper is started again: {error}")
-            if was_unsaved and not self.unsaved:
-                self.log("what is held is on record again")
-            return not self.unsaved
+            now = time.monotonic()
+            return self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
 
     def ended(self, forwarder: Forwarder) -> None:
         """Until that is written: what an old file says is held would be forwarded a second time."""

@@ -113,5 +113,5 @@ class Holds:
     def _keep(self, namespace: str, known: Owned | None) -> None:
         others = {space: one for space, one in self.held.items() if space != namespace}
         self.held, now = {**others, **({namespace: known} if known else {})}, self.now()
-        with contextlib.suppress(OSError):  # a full disk: a keeper that begins anew counts the hold from its beginning
-            self.kept.save(PART, {space: {**asdict(one), "left": one.until - now} for space, one in self.held.items()})
+        # without: a keeper that begins anew counts the hold from its beginning
+        self.kept.save(PART, {space: {**asdict(one), "left": one.until - now} for space, one in self.held.items()})

@@ -58,7 +58,7 @@ class Keeper:
         self.memory = memory.from_dict(kept.load("registrations"), now())
         self.saved: Any = None
         self.params: str = str(kept.load("parameters") or "")
-        self.params_at = 0.0
+        self.params_at, self.params_kept = 0.0, True
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
         self.complete = bool(self.memory.master and self.params)
@@ -252,14 +252,12 @@ class Keeper:
             return
         self.params_at, self.told_by = now, master
         text = memory.parameters_text(tree)
-        if text != self.params:
-            self.params = text
-            self.kept.save("parameters", text)
+        if text != self.params or not self.params_kept:
+            self.params, self.params_kept = text, self.kept.save("parameters", text)
 
     def _save(self) -> None:
         content = self.memory.as_dict()
-        if content != self.saved:
-            self.kept.save("registrations", content)
+        if content != self.saved and self.kept.save("registrations", content):
             self.saved = content
 
 

@@ -146,14 +146,10 @@ class LatchedTopics:
             (self.directory / value.file).unlink()
 
     def _save(self) -> None:
-        """A disk that is full costs the values at the next restart, and nothing now."""
         with self.lock:
             self.dirty = False
             content = as_kept(self.values.values(), _boot())
-        try:
-            self.files.save(PART, content)
-        except OSError as error:
-            self.log(f"what is kept of latched topics is not on record: {error}")
+        self.files.save(PART, content)
 
     # ---- subscribers, each in a thread of its own
 

@@ -107,7 +107,7 @@ def main(words: list[str]) -> int:
 def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code: str) -> int:
     """All that is kept of one master's graph, until it is told to end, or its code has changed."""
     uri = slave.master_uri
-    kept, ros = KeptFiles(chosen["--record"]), Registrar(uri, TIMEOUT, NAME)
+    kept, ros = KeptFiles(chosen["--record"], tell), Registrar(uri, TIMEOUT, NAME)
     keeper = Keeper(ros, kept, tell, uri=slave.uri)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))

@@ -194,8 +194,7 @@ class StepWatch:
         """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
         known = {**self.came_up, namespace: sorted(seen.came_up)}
         known = {space: keys for space, keys in known.items() if keys}
-        if known != self.came_up:
-            self.kept.save(STEPS, known)
+        if known != self.came_up and self.kept.save(STEPS, known):
             self.came_up = known
 
     def _record(self, namespace: str, there: list[Object]) -> bool:

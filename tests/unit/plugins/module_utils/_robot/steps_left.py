@@ -118,8 +118,9 @@ class Api:
     def load(self, part: str) -> Any:
         return self.files.get(part)
 
-    def save(self, part: str, content: Any) -> None:
+    def save(self, part: str, content: Any) -> bool:
         self.files[part] = json.loads(json.dumps(content))
+        return True
 
 
 def lease(holder: str, number: int = 1, seconds: int = 15) -> dict[str, Any]:

@@ -140,7 +140,7 @@ class Bench:
     def start(self) -> Keeper:
         self.keeper = Keeper(
             self.ros,  # type: ignore[arg-type]
-            KeptFiles(str(self.directory)),
+            KeptFiles(str(self.directory), self.said.append),
             self.said.append,
             lambda: self.at + self.ros.took,
         )
@@ -179,7 +179,7 @@ def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> Non
 
 def test_its_clock_is_one_that_nobody_sets(tmp_path: Path) -> None:
     """One that is set back would keep it from looking at parameters and nodes until it has caught up."""
-    assert Keeper(Ros(), KeptFiles(str(tmp_path)), print).now is time.monotonic  # type: ignore[arg-type]
+    assert Keeper(Ros(), KeptFiles(str(tmp_path), print), print).now is time.monotonic  # type: ignore[arg-type]
 
 
 def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench) -> None:

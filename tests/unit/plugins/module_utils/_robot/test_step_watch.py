@@ -7,12 +7,13 @@ import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles, Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.open_goals import Staying
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
@@ -486,6 +487,16 @@ def test_what_is_not_marked_any_more_is_forgotten() -> None:
     world.there[NAMESPACE, "camera"] = live(version("camera", 2), marked=False)
     world.run(20)
     assert world.files["steps"] == {}
+
+
+def test_a_full_disk_keeps_no_step_from_going_back(tmp_path: Path) -> None:
+    world = left_alone(ready_timeout=60)
+    world.put(live(version("lidar", 2), ready=True), left(version("lidar", 1)))
+    world.watch.kept = KeptFiles(str(tmp_path / "full"), world.said.append)
+    world.watch.kept.directory.rmdir()
+    world.run(150)
+    assert world.revision("camera") == "rev1"
+    assert [line.partition(":")[0] for line in world.said] == ["steps", NAMESPACE]
 
 
 # ---- the Lease while it goes back

@@ -78,7 +78,7 @@ def test_a_graph_of_a_hundred_robots_is_read_by_everybody(peers: Peers, tmp_path
     assert [str(check) for check in seen.checks if check.kind == "node" and check.verdict != "pass"] == []
     assert len(Observer(fleet.uri, LONG).graph().nodes()) == ROBOTS * APPS
     said: list[str] = []
-    keeper = Keeper(Registrar(fleet.uri, LONG, "/ros_keeper"), KeptFiles(str(tmp_path)), said.append)
+    keeper = Keeper(Registrar(fleet.uri, LONG, "/ros_keeper"), KeptFiles(str(tmp_path), said.append), said.append)
     keeper.step()
     assert (said, len(keeper.memory.nodes)) == ([], ROBOTS * APPS)
 
