@@ -11,7 +11,6 @@ import contextlib
 import os
 import threading
 import time
-from typing import Callable
 
 PERIOD = 60.0
 SHARE = 0.02  # of the time: a large tree is looked at less often
@@ -65,14 +64,14 @@ def look(path: str, namespace: str) -> dict[str, int]:
 class Claims(threading.Thread):
     """Keeps `used` at most a minute old, or as much older as the tree is large."""
 
-    def __init__(self, path: str, namespace: str, pause: Callable[[float], object] = time.sleep) -> None:
+    def __init__(self, path: str, namespace: str) -> None:
         super().__init__(daemon=True, name="claims")
-        self.path, self.namespace, self.pause = path, namespace, pause
+        self.path, self.namespace = path, namespace
         self.used: dict[str, int] = {}
 
     def run(self) -> None:
         while True:
-            self.pause(self.once())
+            time.sleep(self.once())
 
     def once(self) -> float:
         """Look, and say how long to wait before the next look."""

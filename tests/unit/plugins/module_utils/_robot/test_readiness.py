@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import State
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
@@ -283,22 +282,17 @@ def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene:
 
 
 def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
-    scene.gates.take(pod(says="c1", ends=True))
-    assert [step for step, _node in scene.done] == ["keep_latched", "unregister", "forget", "shut_down"]
-    scene.gates.take(pod(says="c1", ends=True))
-    assert len(scene.done) == 8  # a second event finds nothing left, as the real node is gone
-
-
-def test_without_a_master_the_node_that_was_seen_is_ended(scene: Scene) -> None:
+    steps = ["keep_latched", "unregister", "forget", "shut_down"]
     scene.gates.take(pod())
-    scene.registered = None
-    scene.done.clear()
+    for _event in range(2):  # a second one finds nothing left, as the real node is gone
+        scene.gates.take(pod(says="c1", ends=True))
+    assert [step for step, _node in scene.done] == steps * 2
+    scene.registered = None  # without a master the node that was seen is ended
     scene.gates.take(pod(says="c1", ends=True))
-    assert [step for step, _node in scene.done] == ["keep_latched", "unregister", "forget", "shut_down"]
+    assert [step for step, _node in scene.done] == steps * 3
     scene.gates.seen.clear()
-    scene.done.clear()
     scene.gates.take(pod(says="c1", ends=True))
-    assert scene.done == []
+    assert len(scene.done) == 12
 
 
 @pytest.mark.parametrize("known", [KNOWN, {**KNOWN, "expect_node": False, "launch": "overlap"}])
@@ -397,9 +391,3 @@ def test_what_the_version_before_sends_is_listened_to_once() -> None:
         found = sent(graph, ["/a"]).topic("/out")
         assert (dict(found.rates), found.md5sum, found.latched) == ({old: 9.0}, "aa", (old,))
     assert ros.listened == 1
-
-
-def test_a_node_that_was_found_is_remembered(scene: Scene) -> None:
-    keep = scene.gates.looks(pod()).outside.keep
-    keep(OWN, State(URI, 7, {}))
-    assert scene.gates.seen["new"].uri == URI
