@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Callable
 
 from .._common.documents import Data, Document
@@ -35,17 +35,6 @@ PATH = "/v1/"
 INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
-
-
-@dataclass(frozen=True)
-class Answer:
-    """`holder` has the Lease, whose version `lease` this was seen with; `held`: actions whose new goals are held."""
-
-    go: bool
-    reason: str
-    holder: str = ""
-    lease: str = ""
-    held: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +93,7 @@ class Door:
         if namespace not in self.cluster.namespaces():
             raise SpecError(f"this keeper does not look after {namespace}")
         if name == "may-change":
-            return asdict(self.may_change(namespace, query.get("app", ""), query.get("owner", "")))
+            return self.may_change(namespace, query.get("app", ""), query.get("owner", ""))
         if name == "apps":
             return self.apps(namespace)
         if name == "graph":
@@ -121,17 +110,18 @@ class Door:
             for one in there
         }
 
-    def may_change(self, namespace: str, app: str = "", owner: str = "") -> Answer:
-        """Whether the robot of this namespace, or this app of it, may be changed now by this owner.
+    def may_change(self, namespace: str, app: str, owner: str) -> Data:
+        """Whether the robot of this namespace, or this app of it, may be changed now by this owner, and why not.
 
-        Where the owner has its Lease by now, new goals are held first. KubeError, RosError or SpecError.
+        Where the owner has its Lease by now, new goals are held first; `held` are their actions. `holder` has the
+        Lease, whose version `lease` this was seen with. KubeError, RosError or SpecError.
         """
         found = self.holds.look(namespace)
         holder, version = holder_of(found), version_of(found)
         mine = bool(owner) and holder == OWNER + owner
 
-        def no(why: str) -> Answer:
-            return Answer(False, why, holder, version)
+        def no(why: str) -> Data:
+            return {"go": False, "reason": why, "holder": holder, "lease": version, "held": []}
 
         if self.cluster.home == FLEET != namespace and self._at_work(FLEET, self.cluster.lease(FLEET, newest=True)):
             return no("what is the whole fleet's is changed just now")
@@ -145,7 +135,7 @@ class Door:
             return no("its Lease changed hands just now")
         if verdict != PASS or self._closed(rest):  # to look takes its time
             return no(self._closed(rest) or why)
-        return Answer(True, why, holder, version, tuple(self.holds.of(namespace).servers) if mine else ())
+        return {**no(why), "go": True, "held": [*self.holds.of(namespace).servers] if mine else []}
 
     def _closed(self, rest: RestRules) -> str:
         """Until when its window is, in words; empty: it is open."""

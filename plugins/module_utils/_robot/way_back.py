@@ -222,13 +222,11 @@ class Observed:
         resting = {key: known[key] for key, seconds in self.rested.items() if seconds < FORGIVEN}
         waiting = {one.key: known[one.key] + self.passed if one.key in known else 0.0 for one in failing}
         self.waited = {**resting, **waiting}
-        return [step for step in failing if step.begun or self._died(step) or self._late(step)]
+        late = {step.key for step in failing if self.waited[step.key] >= step.ready_timeout}
+        return [step for step in failing if step.begun or self._died(step) or step.key in late]
 
     def _died(self, step: Step) -> str:
         return "" if self.up(step) else step.error
-
-    def _late(self, step: Step) -> bool:
-        return self.waited[step.key] >= step.ready_timeout
 
     def up(self, step: Step) -> bool:
         """Whether all of it was rolled out at some time."""
