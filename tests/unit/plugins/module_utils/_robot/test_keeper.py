@@ -102,10 +102,7 @@ class Ros:
 
     def snapshot(self, _state: MasterState | None = None) -> dict[str, Entry]:
         self.snapshots += 1
-        return {
-            node: Entry(entry.uri, None, entry.publications, entry.subscriptions, entry.services)
-            for node, entry in self.entries.items()
-        }
+        return {node: replace(entry, pid=None) for node, entry in self.entries.items()}
 
     def ask(self, entries: Mapping[str, Entry], _timeout: float, own_word: bool = True) -> dict[str, Liveness]:
         return {node: self._says(node, own_word) for node in entries}
@@ -120,13 +117,13 @@ class Ros:
         return Liveness(ALIVE, "", entry.pid, *topics)
 
     def apply(self, calls: Sequence[Call]) -> None:
-        told = difference(self.entries, calls)
-        pids = {node: self.entries[node].pid for node in self.entries}
-        kept = {node: entry for node, entry in self.entries.items() if node not in told["before"]}
-        self.entries = {
-            **kept,
-            **{node: from_dict({"pid": pids.get(node), **one}) for node, one in told["after"].items()},
+        told, known = difference(self.entries, calls), self.entries
+        kept = {node: entry for node, entry in known.items() if node not in told["before"]}
+        now = {
+            node: from_dict({"pid": getattr(known.get(node), "pid", None), **one})
+            for node, one in told["after"].items()
         }
+        self.entries = {**kept, **now}
 
 
 class Bench:
@@ -160,8 +157,7 @@ class Bench:
             self.step()
 
     def registered(self) -> dict[str, Entry]:
-        return {node: Entry(one.uri, None, one.publications, one.subscriptions, one.services)
-                for node, one in self.ros.entries.items()}  # fmt: skip
+        return {node: replace(one, pid=None) for node, one in self.ros.entries.items()}
 
 
 @pytest.fixture
@@ -248,14 +244,13 @@ def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> N
 
 
 def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(bench: Bench) -> None:
-    held = [True]
-    bench.keeper.held = lambda: held[0]
+    bench.keeper.held = lambda: True
     while bench.at - 1000 < QUIET:
         assert bench.step() == LOOK
     assert bench.step(REST) == REST
-    held[0] = False
+    bench.keeper.held = lambda: False
     assert bench.step() == LOOK
-    held[0] = True
+    bench.keeper.held = lambda: True
     bench.ros.entries["/third"] = bench.ros.nodes["/third"] = Entry("http://x:1/", 9, {"/more": "std_msgs/String"})
     assert [bench.step() for _look in range(2)] == [LOOK, LOOK]
     bench.steps(QUIET)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from itertools import count
 from typing import Any, cast
 
 import pytest
@@ -185,6 +186,14 @@ class Scene:
         self.api.record = {"data": {"contract.json": json.dumps({**contract(**changes).as_dict(), "run": "1"})}}
 
 
+NUMBERS = count()
+
+
+def master_away(types: bool = False) -> Any:
+    """With another reason each time."""
+    raise RosError(f"away {next(NUMBERS)} {types}")
+
+
 @pytest.fixture
 def scene(monkeypatch: pytest.MonkeyPatch) -> Scene:
     return Scene(monkeypatch)
@@ -223,13 +232,7 @@ def test_what_waiting_cannot_mend_is_told_at_once(scene: Scene) -> None:
 
 def test_the_reason_changes_once_a_second_at_most(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     scene.owe()
-    words = iter(f"away {number}" for number in range(1000))
-
-    def away(types: bool = False) -> Any:
-        del types
-        raise RosError(next(words))
-
-    monkeypatch.setattr(scene.world, "state", away)
+    monkeypatch.setattr(scene.world, "state", master_away)
     scene.soon = [(4.05, lambda: scene.gates.pods.clear())]
     scene.gates.take(pod())
     assert len(scene.api.conditions) in (4, 5)
@@ -296,11 +299,16 @@ def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("known", [KNOWN, {**KNOWN, "expect_node": False, "launch": "overlap"}])
-@pytest.mark.parametrize(("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0)])
+@pytest.mark.parametrize(
+    ("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0), (3.0, None, 0)]
+)
 def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
-    scene: Scene, known: dict[str, Any], restarted: float, comes: float, evicted: int
+    scene: Scene, known: dict[str, Any], restarted: float, comes: float | None, evicted: int
 ) -> None:
-    """Not one that only takes its time, nor one that was there before its pod; whether a launch file names it or we."""
+    """Not one that only takes its time, nor one that was there before its pod, whether a launch file names it or we.
+
+    A master that does not answer says nothing of its nodes.
+    """
     starting = pod()
     starting["metadata"]["annotations"][SETTINGS] = json.dumps(known)
     registered = dict(scene.world.publishers)
@@ -312,8 +320,10 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
 
     def restart() -> None:
         scene.restarted_at = restarted
+        if comes is None:
+            scene.world.state = master_away  # type: ignore[method-assign]
 
-    scene.soon = [(3.0, restart), (comes, come), (20.0, lambda: scene.gates.pods.clear())]
+    scene.soon = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
     scene.gates.take(starting)
     assert len(scene.api.evicted) == evicted
 

@@ -147,6 +147,8 @@ def test_it_is_good_once_its_time_is_over_and_its_messages_were_counted(monkeypa
     looks, soaking = Looks(monkeypatch), Soak()
     good = [soaking.look([step()], 10.0, None)[0].good for _look in range(12)]  # type: ignore[arg-type]
     assert good == [False] * 11 + [True]
+    assert not Soak().look([step(soak=10)], 10.0, None)[0].good  # type: ignore[arg-type] # nobody has counted yet
+    looks.rated.pop()
     assert looks.rated == [number % RATED == RATED - 1 for number in range(12)]
 
 
