@@ -21,12 +21,15 @@ def test_what_claims_hold(tmp_path: Path) -> None:
     one.write_bytes(b"x" * 50_000)
     other.write_bytes(b"y" * 9_000)
     (mine / "same").hardlink_to(one)
+    again = tmp_path / "pvc-6_robot-r1_data-pvc" / "c"  # of an earlier claim of this name
+    again.parent.mkdir()
+    again.write_bytes(b"z" * 9_000)
     (mine / "out").symlink_to("/etc")
     (mine / "loop").symlink_to(mine)
     for name in ("pvc-2_robot-r2_data-pvc", "pvc-3_robot-r1", "lost+found", "x_robot-r1_y"):
         (tmp_path / name).mkdir()
     (tmp_path / "pvc-4_robot-r1_file").write_text("no directory")
-    every = [one, other, mine / "deep", mine / "deep" / "er", mine / "out", mine / "loop"]
+    every = [one, other, again, mine / "deep", mine / "deep" / "er", mine / "out", mine / "loop"]
     (tmp_path / "pvc-5_robot-r1_with_more").mkdir()  # the name is the claim's own
     found = look(str(tmp_path), "robot-r1")
     assert found == {"data-pvc": sum(map(blocks, every)), "with_more": 0}

@@ -6,13 +6,16 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import (
     CALLER,
+    Errand,
     Observer,
     Poller,
     own_connections,
@@ -128,6 +131,18 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
         ("/a", "/b", "/c"), (True, 2)
     )
     assert (made.snapshot.ros.nodes["/good"], time.monotonic() - began < 2) == (True, True)
+
+
+def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(observer, "greet", lambda service, *_: {"/up": {}}[service])
+    monkeypatch.setattr(observer, "subscribe_status", lambda action, *_: nullcontext({"/idle": ()}[action]))
+    monkeypatch.setattr(observer, "read_states", lambda read: read)
+    services = (("/up", "rosrpc://n:1"), ("/mute", "rosrpc://n:2"), ("/unknown", RosError("no address")))
+    found = Observer("http://127.0.0.1:9/", 0.5).ask_node(
+        Errand("/n", peers.api("n", node()), services, ("/idle", "/broken"))
+    )
+    assert found.services == {"/up": True, "/mute": False, "/unknown": False}
+    assert (found.actions, found.errors) == ({"/idle": ()}, ("malformed", "fault", "malformed"))
 
 
 def test_our_own_connections() -> None:

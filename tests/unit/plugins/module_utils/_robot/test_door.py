@@ -135,6 +135,7 @@ RELEASE = ("--release", "--owner", "apt")
 def test_new_goals_wait_until_the_owner_lets_go(world: World, may: Says) -> None:
     assert may(*HOLD) == (0, "")
     assert (world.holder, sorted(world.held_until)) == (f"{OWNER}apt", ["/arm/move", "/base/drive"])
+    assert ask(world, "/v1/may-change", owner="apt")[1]["held"] == ["/arm/move", "/base/drive"]
     world.goal("/arm/move")
     world.run(60)
     assert world.goals == {}

@@ -73,6 +73,7 @@ def test_the_earlier_provider_of_a_service_is_remembered() -> None:
     due = it.lost(left, 3.0)
     plan = it.settle(due, left, {"/old": YES})
     assert [call.request[0] for call in plan.calls] == ["registerService"]
+    assert it.nodes["/old"].publications == ENTRY.publications  # that was never lost
 
 
 def test_a_newer_process_takes_the_name() -> None:
