@@ -83,16 +83,6 @@ def test_why_it_may_not(world: World, may: Says, why: Callable[[World], None], r
         assert world.held_until == {}
 
 
-def test_who_was_killed_is_waited_for_as_long_as_his_lease_says(world: World, may: Says) -> None:
-    lease_of(OTHERS, world)
-    world.run(10)
-    assert may()[0] == 75
-    world.run(20)
-    assert may() == (0, "")
-    assert may("--hold", "60", "--owner", "apt") == (0, "")
-    assert world.holder == f"{OWNER}apt"
-
-
 def test_what_cannot_be_known_is_no_answer(world: World, may: Says) -> None:
     assert may("--app", "lidar") == (1, "answered 404: there is no app lidar; there are arm, base")
     world.master_away = True
@@ -170,20 +160,6 @@ def test_it_may_be_made_longer(world: World, may: Says) -> None:
     assert (world.holder, len(world.held_until)) == (f"{OWNER}apt", 2)
     world.run(20)
     assert (world.holder, world.held_until) == ("", {})
-
-
-def test_a_keeper_that_begins_anew_knows_of_it(world: World, may: Says) -> None:
-    assert may(*HOLD)[0] == 0
-    world.run(90)
-    world.start()
-    world.run(20)
-    assert world.holder == f"{OWNER}apt"
-    world.run(20)
-    assert (world.holder, world.held_until) == ("", {})
-    may(*HOLD)
-    world.start()
-    assert may(*RELEASE)[0] == 0
-    assert world.held_until == {}
 
 
 def test_another_server_that_comes_meanwhile_gets_no_goals_either(world: World, may: Says) -> None:
@@ -280,14 +256,3 @@ def test_what_goes_wrong_after_it_was_taken_gives_it_back(world: World, may: Say
     world.send = fails  # type: ignore[method-assign]
     assert may(*HOLD) == (1, "answered 500: the door is away")
     assert (world.holder, world.held_until) == ("", {})
-
-
-def test_the_keeper_changes_nothing_while_an_owner_has_it(world: World, may: Says) -> None:
-    world.run(0)
-    assert world.watch.rests()
-    assert may(*HOLD)[0] == 0
-    world.run(20)
-    assert not world.watch.rests()
-    may(*RELEASE)
-    world.run(20)
-    assert world.watch.rests()
