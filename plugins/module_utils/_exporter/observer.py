@@ -53,8 +53,7 @@ class Observer(Master):
 
     def errands(self, state: MasterState) -> list[Errand]:
         """Every registered node with what there is to ask it; those that were late last time come last."""
-        names = state.nodes()
-        watched = snapshot.watched(state)
+        names, watched = state.nodes(), snapshot.watched(state)
         uris, service_uris = self.look_up(names, watched)
         servers = {action: state.servers(action) for action in state.graph.actions}
         made = []

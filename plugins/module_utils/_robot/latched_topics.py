@@ -146,10 +146,9 @@ class LatchedTopics:
             (self.directory / value.file).unlink()
 
     def _save(self) -> None:
-        with self.lock:
+        with self.lock:  # a call that keeps more must not write the file at the same time
             self.dirty = False
-            content = as_kept(self.values.values(), _boot())
-        self.files.save(PART, content)
+            self.files.save(PART, as_kept(self.values.values(), _boot()))
 
     # ---- subscribers, each in a thread of its own
 

@@ -57,11 +57,10 @@ def options(words: list[str]) -> dict[str, str]:
         "--keep": "on",
         **exporter.OPTIONS,
     }
-    for name, value in zip(words[::2], words[1::2]):
-        if name not in found:
-            raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
-        found[name] = value
-    return found
+    given = dict(zip(words[::2], words[1::2]))
+    if not given.keys() <= found.keys():
+        raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
+    return {**found, **given}
 
 
 def told_to_end(seconds: float) -> bool:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Callable, Mapping, Sequence
 
 from .._common.errors import KubeError, RosError
@@ -26,7 +26,7 @@ class Goals:
 
     busy: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
-    servers: Mapping[str, str] | None = None  # action -> its server, where that is the new node alone
+    servers: Mapping[str, str] = field(default_factory=dict)  # action -> its server, where that is the new node alone
 
     def waiting(self, patient: bool) -> str:
         """What is waited for, in words; where one is not `patient`, not for what cannot be read."""

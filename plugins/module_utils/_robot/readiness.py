@@ -181,10 +181,9 @@ class Readiness:
                 self._end(self.pods[uid])
             else:
                 self._prove(uid, work)
-        except ApiError:  # the watch tells of an API that is away
-            self.sleep(AGAIN)
         except Exception as error:  # one pod's trouble is no other's
-            self.log(f"pod {uid}: {type(error).__name__}: {error}")
+            if not isinstance(error, ApiError):  # the watch tells of an API that is away
+                self.log(f"pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
         with self.lock:
             if self.at_work.get(uid) == work:
@@ -220,9 +219,11 @@ class Readiness:
             verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
             if verdict == PASS:
                 break
-            # its nodes told only a master that has gone: nodes of ROS 1 register once
             if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
-                self._begin_anew(pod)
+                words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
+                self.cluster.evict(self.namespace, pod, None)
+                self.cluster.tell(self.namespace, pod, "NodeUnheard", words, lease_time(time.time()))
+                self.log(f"{name_of(pod)}: {words}")
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
                 self._say(pod, False, text)
@@ -234,12 +235,6 @@ class Readiness:
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
         self.log(f"{name_of(pod)} is ready")
-
-    def _begin_anew(self, pod: Object) -> None:
-        words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
-        self.cluster.evict(self.namespace, pod, None)
-        self.cluster.tell(self.namespace, pod, "NodeUnheard", words, lease_time(time.time()))
-        self.log(f"{name_of(pod)}: {words}")
 
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""

@@ -21,7 +21,7 @@ from .._step.record import mark_of, record_name, record_of, soaks
 from .._step.words import FLEET, SOAKING, UPDATING
 from .cluster_api import ApiError, Claim, Cluster, LostError, lease_time, read_records
 from .memory import KeptFiles, Silence
-from .open_goals import Goals, open_goals
+from .open_goals import open_goals
 from .soak import Soak
 from .watchdog import Hung, Watchdog
 from .way_back import Observed, Step, member_of, restored, steps_of
@@ -260,7 +260,11 @@ class StepWatch:
     def _go_back(self, claim: Claim, due: Due) -> None:
         """The Lease is renewed before all that may take its time, and before all that is written."""
         step = due.step
-        held = self._hold(claim, open_goals(self.ros, step))
+        held: list[str] = []
+        for action, server in open_goals(self.ros, step).servers.items():
+            claim.renew()
+            if self.robot.hold(action, server, HOLD)[0]:  # goals that come now are for the old server
+                held.append(action)
         self.sleep(AGAIN)
         claim.renew()
         if open_goals(self.ros, step).waiting(due.patient):
@@ -268,7 +272,12 @@ class StepWatch:
                 self.robot.release(action)
             return
         claim.renew()
-        self._give_services_back(step)
+        new = {node_of(member.deployment) for member in step.going_back}
+        old = {node for member in step.going_back for node in member.nodes_before}
+        try:  # first, so that a service never points to nothing while its old server lives
+            self.robot.take_back(old - new - {""})
+        except RosError as error:
+            self.log(f"{step.name}: services were not given back: {error}")
         for member in step.going_back:
             claim.renew()
             self.cluster.apply(claim.namespace, restored(member, due.reason, self._time()))
@@ -276,24 +285,6 @@ class StepWatch:
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
                 other.nothing = None
-
-    def _hold(self, claim: Claim, goals: Goals) -> list[str]:
-        """Goals that come now are for the old server."""
-        held = []
-        for action, server in (goals.servers or {}).items():
-            claim.renew()
-            if self.robot.hold(action, server, HOLD)[0]:
-                held.append(action)
-        return held
-
-    def _give_services_back(self, step: Step) -> None:
-        """First, so that a service never points to nothing while its old server lives."""
-        new = {node_of(member.deployment) for member in step.going_back}
-        old = {node for member in step.going_back for node in member.nodes_before}
-        try:
-            self.robot.take_back(old - new - {""})
-        except RosError as error:
-            self.log(f"{step.name}: services were not given back: {error}")
 
     def _time(self) -> str:
         return lease_time(self.wall())
