@@ -18,7 +18,6 @@ from .._common.errors import FleetError, SpecError
 from .._common.poll import PASS
 from .._ros.backend import Questions, everything
 from .._ros.conditions import conditions_from
-from .._ros.graph import Graph
 from .._ros.graph_json import graph_data
 from .._ros.idle_hold import hold_when_idle
 from .._ros.idle_robot import IdleRobot, reason_of
@@ -150,7 +149,10 @@ class Door:
         """Verdict and reason. What is held already is only looked at: its owner may be at work."""
         state = self.ros.state()
         graph = self.ros.ask(state, Questions(dict.fromkeys(state.nodes(), frozenset()))).by_revision()
-        nodes = self._nodes_of(namespace, app, graph) if app else nodes_below(graph, rest.space)
+        found = self.cluster.deployment(namespace, app) if app else None
+        pods = self.cluster.pods(namespace) if found else []
+        own = own_nodes({app: node_of(found)}, graph, pods, {app: suffix_of(found)}) if found else {app: []}
+        nodes = own[app] if app else nodes_below(graph, rest.space)
         actions = actions_to_rest(graph, nodes, rest.idle)
         idle = [{**one, "state": "idle"} for one in actions]
         conditions = conditions_from({"actions": idle, "values": rest.when})
@@ -165,12 +167,6 @@ class Door:
             robot.close()
         self.holds.add(namespace, {name: new[name] for name in ended.held})
         return ended.verdict, reason_of(ended)
-
-    def _nodes_of(self, namespace: str, app: str, graph: Graph) -> list[str]:
-        found = self.cluster.deployment(namespace, app)
-        if not found:
-            return []
-        return own_nodes({app: node_of(found)}, graph, self.cluster.pods(namespace), {app: suffix_of(found)})[app]
 
 
 def _json(status: int, said: Data) -> Said:

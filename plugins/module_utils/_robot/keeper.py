@@ -129,12 +129,15 @@ class Keeper:
             self.restarted_at = now if known else self.restarted_at  # else its host was booted, and all pods with it
             self._replay(now)
         else:
-            if news:
-                self._mend(now)
+            # what the master lost without a restart, as a service whose last provider left while an earlier lives
+            calls = self._restore(self.memory.lost(self.present, now)) if news else ()
+            if calls:
+                self.log(f"restored {in_words(calls)}")
             news = self._probe(now) or news
         self._keep_params(now)
-        if news:
-            self._save()
+        content = self.memory.as_dict() if news else self.saved
+        if content != self.saved and self.kept.save("registrations", content):
+            self.saved = content
 
     def _keep_params(self, now: float) -> None:
         due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
@@ -185,12 +188,6 @@ class Keeper:
             f"restored in {(time.monotonic() - start) * 1000:.0f} ms"
         )
 
-    def _mend(self, now: float) -> None:
-        """What the master lost without a restart, such as a service whose last provider left while an earlier lives."""
-        calls = self._restore(self.memory.lost(self.present, now))
-        if calls:
-            self.log(f"restored {in_words(calls)}")
-
     def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
         if not need:
             return ()
@@ -212,7 +209,9 @@ class Keeper:
         for node in gone:
             self._reap(node, answers[node], now)
         for node in back:
-            self._revive(node, answers[node])
+            self.present = self._without_us(self.ros.snapshot())
+            calls = self._restore(registrations.missing({node: self.memory.revive(node)}, self.present))
+            self.log(f"{node} is back, process {answers[node].pid}: restored {in_words(calls)}")
         due = self.memory.due(self.present, now)
         if due:
             self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
@@ -233,12 +232,6 @@ class Keeper:
         self.state = None
         self.log(f"removed {in_words(plan.calls)}: {registrations.alive(entry, answer)}")
 
-    def _revive(self, node: str, answer: Liveness) -> None:
-        self.present = self._without_us(self.ros.snapshot())
-        need = registrations.missing({node: self.memory.revive(node)}, self.present)
-        calls = self._restore(need)
-        self.log(f"{node} is back, process {answer.pid}: restored {in_words(calls)}")
-
     # ---- parameters, and what is kept
 
     def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
@@ -254,11 +247,6 @@ class Keeper:
         text = memory.parameters_text(tree)
         if text != self.params or not self.params_kept:
             self.params, self.params_kept = text, self.kept.save("parameters", text)
-
-    def _save(self) -> None:
-        content = self.memory.as_dict()
-        if content != self.saved and self.kept.save("registrations", content):
-            self.saved = content
 
 
 def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:

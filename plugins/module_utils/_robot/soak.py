@@ -18,7 +18,7 @@ from .._ros import contract as ros_contract
 from .._ros.backend import Backend
 from .._ros.conditions import conditions_from
 from .._ros.gate import Look, Silence, look
-from .._step.objects import Object, crashes, ends_by_container, error_of, was_out_of_memory
+from .._step.objects import crashes, ends_by_container, error_of, was_out_of_memory
 from .._step.words import MASTER
 from .way_back import Step
 
@@ -40,13 +40,8 @@ class Soaking:
     why: str = ""  # it goes back; empty: it does not
 
     @property
-    def counts_messages(self) -> bool:
-        """Nobody is proven by a rate that nobody has counted."""
-        return self.bad > 0 or self.looks % RATED == RATED - 1
-
-    @property
     def good(self) -> bool:
-        """Whether it is proven by now."""
+        """Whether it is proven by now: not by a rate that nobody has counted."""
         return self.seconds >= self.step.soak and self.counted and not self.why
 
     def look(self, passed: float, ros: Backend, silence: Silence) -> None:
@@ -55,7 +50,7 @@ class Soaking:
         self.why = "others of its step went back" if self.step.begun else ended(self.step, self.with_host)
         if self.why or not self.step.rolled_out:
             return
-        counts = self.counts_messages
+        counts = self.bad > 0 or self.looks % RATED == RATED - 1
         verdict = worse(look(ros, conditions_from(conditions(self.step, counts)), silence))
         if verdict is None:
             return
@@ -102,7 +97,8 @@ def ended(step: Step, with_host: Mapping[str, int]) -> str:
     the keeper would have seen it. `with_host`: container -> how many ends that were.
     """
     for member in step.members:
-        code, ends = next(filter(None, map(_fault, member.pods)), ""), ends_by_container(member.pods)
+        faults = (error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "") for pod in member.pods)
+        code, ends = next(filter(None, faults), ""), ends_by_container(member.pods)
         times = sum(ends.values()) - max(member.record.ends, sum(with_host.get(one, 0) for one in ends))
         if times > 0 and (code or times > 1):  # somebody may have ended it once
             often = "once" if times == 1 else f"{times} times"
@@ -110,10 +106,6 @@ def ended(step: Step, with_host: Mapping[str, int]) -> str:
         if any(map(crashes, member.pods)):
             return f"{member.name} crashes again and again"
     return ""
-
-
-def _fault(pod: Object) -> str:
-    return error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "")
 
 
 def worse(seen: Look) -> str | None:

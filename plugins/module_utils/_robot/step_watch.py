@@ -150,7 +150,11 @@ class StepWatch:
         there = self.cluster.deployments(namespace)
         steps = self._steps(namespace, there)
         due = seen.due(steps[UPDATING])
-        self._remember(namespace, seen)
+        # what was rolled out once is not failing because its robot starts anew, and the keeper with it
+        known = {**self.came_up, namespace: sorted(seen.came_up)}
+        known = {space: keys for space, keys in known.items() if keys}
+        if known != self.came_up and self.kept.save(STEPS, known):
+            self.came_up = known
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
@@ -189,13 +193,6 @@ class StepWatch:
             for member in step.members:
                 self.cluster.unmark(claim.namespace, member.deployment, SOAKING)
             self.log(f"{claim.namespace}: {step.name} was good for {step.soak:.0f} s: proven")
-
-    def _remember(self, namespace: str, seen: Observed) -> None:
-        """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
-        known = {**self.came_up, namespace: sorted(seen.came_up)}
-        known = {space: keys for space, keys in known.items() if keys}
-        if known != self.came_up and self.kept.save(STEPS, known):
-            self.came_up = known
 
     def _record(self, namespace: str, there: list[Object]) -> bool:
         """Say in the robot's record of updates what became of its steps; False: it is to be tried again."""
