@@ -193,7 +193,7 @@ def test_a_mistake_of_ours_is_told_once_and_the_next_look_goes_on(
     made = polls("http://127.0.0.1:9/", 0.5, said.append)
     made.start()
     with monkeypatch.context() as broken:
-        broken.setattr(made, "_look", lambda: {}["missing"])
+        broken.setattr(made, "_look", lambda: dict[str, Any]()["missing"])
         for _scrape in range(3):
             clock[0] += made.interval
             looked(made)

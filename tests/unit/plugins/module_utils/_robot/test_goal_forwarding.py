@@ -215,7 +215,12 @@ def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: py
     monkeypatch.setattr(forwarding, "RETRY", 0.02)
     full, write = [True], stage.keeper.write
     tried: list[Any] = []
-    stage.keeper.write = lambda content: (tried.append(content), not full and write(content))[1]
+
+    def no_space(content: Any) -> bool:
+        tried.append(content)
+        return not full and write(content)
+
+    stage.keeper.write = no_space
     assert stage.keeper.hold(ACTION, SERVER, 60.0) == [1, "", 1]
     stage.client.send("one")
     until(lambda: stage.held() == ["one"])
@@ -229,7 +234,7 @@ def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: py
 def test_a_look_that_fails_ends_no_hold(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     hold_one(stage)
     with monkeypatch.context() as broken:
-        broken.setattr(stage.keeper.forwarders[ACTION], "sight", lambda _now: {}["it"])
+        broken.setattr(stage.keeper.forwarders[ACTION], "sight", lambda _now: dict[str, Any]()["it"])
         until(lambda: "goals of /work: error: KeyError: 'it'" in stage.said)
     stage.master.away = True
     until(lambda: any("the master is away" in line for line in stage.said))

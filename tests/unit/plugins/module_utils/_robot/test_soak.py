@@ -86,8 +86,8 @@ def test_a_reboot_of_its_host_is_no_end_of_the_version(
     last_reboot = max(number for number, last in enumerate(lives) if last and last is not BY_HAND and last is not ERROR)
     for number in range(0 if seen == "each" else last_reboot, len(lives)):
         one = step(pod(number + 3, lives[number]), ends=2)
-        (seen,) = soaking.look([one], 10.0, None)  # type: ignore[arg-type]
-    assert seen.why == why
+        (found,) = soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+    assert found.why == why
 
 
 def test_a_step_owes_its_contracts_and_counts_messages_now_and_then() -> None:
