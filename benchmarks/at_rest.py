@@ -32,6 +32,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.clu
     start_server,
 )
 from exporter_scene import ExporterScene, zipped_scrape
+from process_memory import cpu_seconds
 from scene import PYTHON, until
 
 APPS = 10
@@ -56,11 +57,6 @@ class Row:
     def as_dict(self) -> dict[str, Any]:
         found = {"part": self.part, "cpu": round(self.cpu, 3), "rss_mb": self.rss_mb, "private_mb": self.private_mb}
         return {**found, "ours": self.ours}
-
-
-def cpu_seconds(pid: int) -> float:
-    """Of a process with all its threads, also those that have ended (CPUCLOCK_SCHED of Linux, posix-timers.h)."""
-    return time.clock_gettime(~pid << 3 | 2)
 
 
 def memory_mb(pid: int) -> tuple[float, float]:
@@ -191,7 +187,7 @@ def asked_of_the_master(scene: ExporterScene, pid: int) -> float:
         if keeping.probing is not None:
             keeping.probing.join()
 
-    record = KeptFiles(str(scene.directory / "another"))
+    record = KeptFiles(str(scene.directory / "another"), print)
     keeping = keeper.Keeper(Registrar(scene.uri, 2.0, "/bench_keeper"), record, print, lambda: now[0])
     look()  # the first learns everything
     return cost_of(look, pid, looks) * 1000 / keeper.REST

@@ -149,7 +149,9 @@ def started(uri: str) -> Look:
 def keeper(uri: str) -> Look:
     """A whole look of the keeper. It asks all nodes at the first one; with time standing still, at no other."""
     told: list[str] = []
-    found = Keeper(Registrar(uri, 5.0, "/ros_keeper"), KeptFiles(tempfile.mkdtemp()), told.append, lambda: 0.0)
+    found = Keeper(
+        Registrar(uri, 5.0, "/ros_keeper"), KeptFiles(tempfile.mkdtemp(), told.append), told.append, lambda: 0.0
+    )
 
     def step() -> None:
         found.due, found.addresses_due = 0.0, float("inf")

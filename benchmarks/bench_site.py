@@ -33,6 +33,7 @@ from typing import Any
 from lab_environment import CHECKOUT, environment
 from process_memory import Peak
 from published import HELP, Table, publish
+from update.errors import BenchError
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 KEPT = CHECKOUT / "reports" / "bench-site"
@@ -49,10 +50,6 @@ KINDS = {
 }
 PLAYBOOKS = {"update": "update", "app": "update", "everywhere": "update", "status": "status"}  # site is all else's
 NOW, BEFORE = "now", "before"
-
-
-class BenchError(Exception):
-    """The benchmark could not be made; there is no result."""
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,6 @@ def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene
         time.sleep(max(0.0, began + number - time.monotonic()))
         scrapes.append(scene.scrape())
         met |= peers(scene, "/talker")
-    # the first ones may move the polls away from the scrapes
     first, last = scrapes[3], scrapes[-1]
     ours, theirs = between_polls(scene, first, last, "/talker")
     seconds = last.at - first.at

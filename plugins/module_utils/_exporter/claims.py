@@ -7,10 +7,10 @@ Looks at names and sizes only, under the directory of the storage class local-pa
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
-from typing import Callable
 
 PERIOD = 60.0
 SHARE = 0.02  # of the time: a large tree is looked at less often
@@ -52,31 +52,26 @@ def used(path: str) -> int:
 def look(path: str, namespace: str) -> dict[str, int]:
     """Bytes by claim; claims of which nothing is on this node are left out."""
     found: dict[str, int] = {}
-    try:
-        with os.scandir(path) as entries:
-            directories = [(claim_of(entry.name, namespace), entry.path) for entry in entries if entry.is_dir()]
-    except OSError:
-        return found
-    for claim, directory in directories:
-        if claim:
-            try:
-                found[claim] = found.get(claim, 0) + used(directory)
-            except OSError:
-                continue
+    with contextlib.suppress(OSError), os.scandir(path) as entries:
+        for entry in entries:
+            claim = claim_of(entry.name, namespace) if entry.is_dir() else ""
+            if claim:
+                with contextlib.suppress(OSError):  # gone meanwhile
+                    found[claim] = found.get(claim, 0) + used(entry.path)
     return found
 
 
 class Claims(threading.Thread):
     """Keeps `used` at most a minute old, or as much older as the tree is large."""
 
-    def __init__(self, path: str, namespace: str, pause: Callable[[float], object] = time.sleep) -> None:
+    def __init__(self, path: str, namespace: str) -> None:
         super().__init__(daemon=True, name="claims")
-        self.path, self.namespace, self.pause = path, namespace, pause
+        self.path, self.namespace = path, namespace
         self.used: dict[str, int] = {}
 
     def run(self) -> None:
         while True:
-            self.pause(self.once())
+            time.sleep(self.once())
 
     def once(self) -> float:
         """Look, and say how long to wait before the next look."""

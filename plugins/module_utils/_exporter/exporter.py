@@ -17,8 +17,8 @@ from .observer import Observer, Poller
 PATH, HEALTHY = "/metrics", "/healthy"
 LEVEL = 3  # of gzip: over a robot's radio link a tenth of the bytes is worth a millisecond
 OPTIONS: Mapping[str, str] = {
-    "--interval": "10",  # seconds between two looks at the graph,
-    "--timeout": "2",  # and for a node's answers
+    "--interval": "10",  # seconds between two scrapes, each of which a look at the graph follows
+    "--timeout": "2",  # seconds for a node's answers
     "--updates": updates.FILE,
     "--claims": "",  # the directory of the storage class, where it is mounted
     "--capacities": "{}",  # bytes by claim, as JSON
@@ -50,7 +50,7 @@ class Exporter:
                 thread.start()
 
     def families(self) -> list[Family]:
-        found = [*families.families(self.poller.snapshot), *updates.families(self.updates.entries)]
+        found = [*families.families(self.poller.scraped()), *updates.families(self.updates.entries)]
         if self.claims is not None:
             found += families.claim_families(self.claims.used, self.capacities)
         return families.bounded(found)
@@ -58,7 +58,6 @@ class Exporter:
     def metrics(self, asked: Asked) -> Said:
         """What the last look found; nobody waits for one."""
         body = families.text(self.families())
-        self.poller.scraped()
         if "gzip" not in asked.headers.get("Accept-Encoding", ""):
             return Said(200, body, families.CONTENT_TYPE)
         return Said(200, gzip.compress(body, LEVEL), families.CONTENT_TYPE, {"Content-Encoding": "gzip"})

@@ -26,11 +26,8 @@ from .updates import Updates
 
 CALLER = "/ros_exporter"
 AT_ONCE = 8  # nodes, or launch files, asked at the same time
-# Both in parts of the interval. A scrape that comes as a poll ends gets sometimes the new counts and sometimes the old
-# ones, and a rate over some minutes jumps. So polls keep away from scrapes, which come at the same interval.
-NEAR, SHIFT = 0.15, 0.3
-WANTED = 150.0  # seconds after a scrape, which come twice as often; without another one the graph is left alone
-STUCK = 600.0  # without a poll for so long, something is wrong with the exporter itself
+FRESH = 150.0  # seconds for which a look is shown; Prometheus wants a scrape every two minutes at least
+STUCK = 600.0  # a look that takes so long: something is wrong with the exporter itself
 
 
 @dataclass(frozen=True)
@@ -56,8 +53,7 @@ class Observer(Master):
 
     def errands(self, state: MasterState) -> list[Errand]:
         """Every registered node with what there is to ask it; those that were late last time come last."""
-        names = state.nodes()
-        watched = snapshot.watched(state)
+        names, watched = state.nodes(), snapshot.watched(state)
         uris, service_uris = self.look_up(names, watched)
         servers = {action: state.servers(action) for action in state.graph.actions}
         made = []
@@ -82,41 +78,35 @@ class Observer(Master):
         return found
 
     def ask_node(self, errand: Errand) -> NodeReply:
-        """All questions to one node, whatever it answers."""
-        if not isinstance(errand.uri, str):
+        """All questions to one node, whatever it answers.
+
+        Its process id tells that it lives; without one of the others only that part is unknown.
+        """
+        uri = errand.uri
+        errors: list[str] = []
+        if not isinstance(uri, str):
             return NodeReply(errors=("fault",))
         try:
-            answer = self._calls(errand.uri)
+            with Api(uri, CALLER, Deadline(self.timeout)) as api:
+                pid = api.process()
+                info = _tried(errors, lambda: replies.unwrap(api.raw("getBusInfo", CALLER)))
+                stats = _tried(errors, lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
         except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-            return NodeReply(errand.uri, errors=(snapshot.reason(error),))
+            return NodeReply(uri, errors=(snapshot.reason(error),))
+        links = None if info is None else tuple(link for link in replies.connections(info) if link.peer != CALLER)
         deadline = Deadline(self.timeout)
-        services, actions, errors = {}, {}, list(answer.errors)
-        for service, uri in errand.services:
-            _none, why = _tried(partial(self._greet, service, uri, deadline))
-            services[service] = why is None
-            errors += [why] if why else []
-        for action in errand.actions:
-            goals, why = _tried(partial(self._goals, errand.uri, action, deadline))
-            if why is None:
-                actions[action] = goals
-            errors += [why] if why else []
-        return replace(answer, services=services, actions=actions, errors=tuple(errors))
+        greeted = {name: _tried(errors, partial(self._greet, name, at, deadline)) for name, at in errand.services}
+        read = {action: _tried(errors, partial(self._goals, uri, action, deadline)) for action in errand.actions}
+        services = {name: bool(answers) for name, answers in greeted.items()}
+        actions = {action: goals for action, goals in read.items() if goals is not None}
+        return NodeReply(uri, pid, stats, links, own_connections(info), services, actions, tuple(errors))
 
-    def _calls(self, uri: str) -> NodeReply:
-        """The process id, which tells that it lives; without one of the others only that part is unknown."""
-        with Api(uri, CALLER, Deadline(self.timeout)) as api:
-            pid = api.process()
-            info, why_info = _tried(lambda: replies.unwrap(api.raw("getBusInfo", CALLER)))
-            stats, why_stats = _tried(lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
-        links = tuple(link for link in replies.connections(info) if link.peer != CALLER) if why_info is None else None
-        errors = tuple(why for why in (why_info, why_stats) if why)
-        return NodeReply(uri, pid, stats, links, own_connections(info), errors=errors)
-
-    def _greet(self, service: str, uri: Any, deadline: Deadline) -> None:
+    def _greet(self, service: str, uri: Any, deadline: Deadline) -> bool:
         """Shake hands as a client does before a call; the service itself is not called."""
         if not isinstance(uri, str):
             raise RefusalError(f"the master has no address of {service}")
         greet(service, uri, CALLER, deadline)
+        return True
 
     def _goals(self, uri: str, action: str, deadline: Deadline) -> tuple[int, ...]:
         """The goals in one status message, over a connection that the master does not know."""
@@ -132,26 +122,23 @@ def own_connections(info: Any) -> tuple[int, ...]:
     )  # fmt: skip
 
 
-def _tried(call: Callable[[], Any]) -> tuple[Any, str | None]:
-    """A call's result, or None and the reason why there is none."""
+def _tried(errors: list[str], call: Callable[[], Any]) -> Any:
+    """A call's result; None where there is none, and the reason goes to the errors."""
     try:
-        return call(), None
+        return call()
     except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-        return None, snapshot.reason(error)
+        errors.append(snapshot.reason(error))
+        return None
 
 
 # ---- again and again
 
 
-def too_near(last: float, due: float, at: float, interval: float) -> bool:
-    """Whether a scrape `at` is so near to a poll, the one that ended `last` or the one `due`, that they may meet."""
-    return at - last < NEAR * interval or due - at < NEAR * interval
-
-
 class Poller(threading.Thread):
-    """Polls at its interval, for as long as somebody scrapes; a scrape takes the last `snapshot` and never waits.
+    """A look after each scrape, which shows what the one before found, and never waits.
 
-    Its thread is its own: what goes wrong here is told once, and delays nobody.
+    So each scrape finds exactly one new look, and a rate over some minutes does not jump. Where nobody scrapes the
+    graph is left alone. The thread is its own: what goes wrong here is told once, and delays nobody.
     """
 
     def __init__(
@@ -162,20 +149,20 @@ class Poller(threading.Thread):
         tell: Callable[[str], None],
         say: Callable[[str], None],
     ) -> None:
-        """`tell` gets what goes wrong, `say` the lines of updates, which others read."""
+        """`interval` is that of one who scrapes: of many that do, looks come up to twice as often.
+
+        `tell` gets what goes wrong, `say` the lines of updates, which others read.
+        """
         super().__init__(daemon=True, name="poller")
         self.observer, self.interval, self.updates, self.tell, self.say = observer, interval, updates, tell, say
         self.memory = History()
-        self.snapshot = Snapshot(errors=dict(self.memory.errors))
-        self.last = self.due = time.monotonic()
-        self.asked = -math.inf  # when somebody scraped last
-        self.asleep = self.shifted = False
+        self.snapshot = Snapshot(errors=self.memory.errors)
+        self.asked = self.ended = -math.inf  # when a look was asked for last, and when one ended
+        self.due = threading.Event()  # until its end
         self.wrong = ""
-        self.wake = threading.Condition()
 
     def run(self) -> None:
-        while True:
-            self.rest()
+        while self.due.wait():
             try:
                 self.poll()
                 self.wrong = ""
@@ -183,50 +170,19 @@ class Poller(threading.Thread):
                 told, self.wrong = self.wrong, f"{type(error).__name__}: {error}"
                 if self.wrong != told:
                     self.tell(f"no metrics of the graph: {self.wrong}")
-            self.pause()
+            self.due.clear()
 
-    def rest(self) -> None:
-        """Until somebody scrapes. What was seen before that is not known any more."""
-        with self.wake:
-            if self.is_wanted():
-                return
-            self.snapshot, self.asleep = replace(self.snapshot, ros=GraphMetrics()), True
-            self.wake.wait_for(self.is_wanted)
-            self.asleep, self.shifted = False, False
-            self.last = self.due = time.monotonic()
-
-    def pause(self) -> None:
-        """Until the next poll is due."""
-        with self.wake:
-            now = time.monotonic()
-            self.last = now
-            self.due = max(self.due + self.interval, now)
-            while True:
-                left = self.due + (SHIFT * self.interval if self.shifted else 0.0) - time.monotonic()
-                if left <= 0:
-                    break
-                self.wake.wait(left)
-            if self.shifted:
-                self.due += SHIFT * self.interval
-            self.shifted = False
-
-    def is_wanted(self) -> bool:
-        """Whether somebody has scraped lately."""
-        return time.monotonic() - self.asked < WANTED
-
-    def scraped(self) -> None:
-        """Somebody took the snapshot now."""
-        with self.wake:
-            self.asked = now = time.monotonic()
-            if self.asleep:
-                self.wake.notify()
-            elif self.snapshot.polls and too_near(self.last, self.due, now, self.interval):
-                self.shifted = True
-                self.wake.notify()
+    def scraped(self) -> Snapshot:
+        """What the last look found. Of one that is long ago nothing is known of the graph any more."""
+        now, found = time.monotonic(), self.snapshot
+        if not self.due.is_set() and now - self.asked >= self.interval / 2:
+            self.asked = now
+            self.due.set()
+        return found if now - self.ended < FRESH else replace(found, ros=GraphMetrics())
 
     def healthy(self) -> bool:
-        """Whether polls come to an end."""
-        return self.asleep or time.monotonic() - self.last < STUCK + self.interval
+        """Whether looks come to an end."""
+        return not self.due.is_set() or time.monotonic() - self.asked < STUCK
 
     def poll(self) -> None:
         """One look, and a new snapshot."""
@@ -234,7 +190,8 @@ class Poller(threading.Thread):
         ros, self.memory = self._look()
         for line in self.updates.read(time.time()):
             self.say(line)
-        self.snapshot = Snapshot(ros, self.memory.errors, self.memory.polls, time.monotonic() - began, at)
+        self.ended = time.monotonic()
+        self.snapshot = Snapshot(ros, self.memory.errors, self.memory.polls, self.ended - began, at)
 
     def _look(self) -> tuple[GraphMetrics, History]:
         try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 import xmlrpc.client
 from dataclasses import dataclass, field, replace
-from typing import Any, Iterable, Mapping
+from typing import Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
 from .._ros import bus_stats, graph, replies
@@ -43,8 +43,7 @@ class History:
 
     counted: Mapping[str, Counted] = field(default_factory=dict)
     absent: Mapping[str, int] = field(default_factory=dict)
-    seen: frozenset[str] = frozenset()  # nodes that were there at the poll before, answering or not
-    began: bool = False  # there was such a poll
+    seen: frozenset[str] | None = None  # nodes that were there at the poll before it, answering or not
     errors: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(REASONS, 0))
     polls: int = 0
 
@@ -81,21 +80,19 @@ def reason(error: BaseException) -> str:
         return "overflow" if "exceeds XML-RPC limits" in str(error.faultString) else "fault"
     if isinstance(error, RefusalError) or (isinstance(error, RosError) and str(error).startswith("refused")):
         return "fault"  # by a code, or in a handshake's field `error`
-    kinds: list[tuple[Any, str]] = [
-        ((socket.timeout, TimeoutError), "timeout"),  # two classes before Python 3.10
-        (ConnectionRefusedError, "refused"),
-        ((OSError, UnicodeError), "unreachable"),
-    ]
-    return next((word for kind, word in kinds if isinstance(error, kind)), "malformed")
+    if isinstance(error, (socket.timeout, TimeoutError)):  # two classes before Python 3.10
+        return "timeout"
+    if isinstance(error, ConnectionRefusedError):
+        return "refused"
+    return "unreachable" if isinstance(error, (OSError, UnicodeError)) else "malformed"
 
 
 def is_stale(state: MasterState, name: str, answer: NodeReply) -> bool:
     """Whether a node that answers at an address of two nodes is the other one: it lacks what this one registered."""
     if answer.stats is None:
         return False
-    own = {topic for topic, _direction in answer.stats.flows}
-    node = state.graph.node(name)
-    return any(topic not in own for topic in (*node.publications, *node.subscriptions))
+    own, node = {topic for topic, _direction in answer.stats.flows}, state.graph.node(name)
+    return not own.issuperset((*node.publications, *node.subscriptions))
 
 
 def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
@@ -118,11 +115,10 @@ def next_poll(
         up[name] = answer.pid is not None and not (name in doubtful and is_stale(state, name, answer))
         if not up[name] or answer.pid is None or answer.stats is None:
             continue
-        fresh = memory.began and name not in memory.seen
-        process = (answer.uri, answer.pid)
-        before = counted.get(name)
+        process, before = (answer.uri, answer.pid), counted.get(name)
         # another process under a name that was there before has begun since, too
-        fresh = fresh or (before is not None and before.process != process)
+        new = memory.seen is not None and name not in memory.seen
+        fresh = new or (before is not None and before.process != process)
         counted[name] = bus_stats.advance(before, process, answer.stats, fresh, answer.ours)
         counts[name] = counted[name].totals
     absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in answers}
@@ -145,7 +141,7 @@ def next_poll(
         # while a pod takes another's place both have it: the one that lives counts
         {child.node: child for child in sorted(launched, key=lambda child: child.alive)},
     )
-    return ros, History(counted, absent, frozenset(answers), True, errors, memory.polls + 1)
+    return ros, History(counted, absent, frozenset(answers), errors, memory.polls + 1)
 
 
 def watched(state: MasterState) -> dict[str, tuple[str, ...]]:

@@ -7,7 +7,7 @@ The record is a file that others write (the ConfigMap `robot-updates`): what mak
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Mapping
 
 from .._common.documents import Data, Document
@@ -47,8 +47,7 @@ class Update:
 
 
 _WORDS = {"before": "from", "after": "to"}  # as the record has it
-_NEEDED = ("id", "app", "handoff", "outcome")
-_TEXTS, _TIMES = (*_NEEDED, "reason", "before", "after"), ("started", "finished", "busy_wait")
+_NEEDED, _TIMES = ("id", "app", "handoff", "outcome"), ("started", "finished", "busy_wait")
 
 
 def parse(text: str) -> list[Update]:
@@ -65,13 +64,13 @@ def parse(text: str) -> list[Update]:
 
 
 def _update(entry: Document) -> Update:
-    phases = entry.get("phases")
+    said = {one.name: entry.get(_WORDS.get(one.name, one.name)) for one in fields(Update)}
+    phases = said.pop("phases")
     read = {str(name): _number(raw) for name, raw in phases.items()} if isinstance(phases, dict) else {}
-    known = {name: seconds for name, seconds in read.items() if seconds is not None}
-    said: Data = {key: entry.get(_WORDS.get(key, key)) for key in (*_TEXTS, *_TIMES)}
-    texts: Data = {key: said[key] if isinstance(said[key], str) else "" for key in _TEXTS}
-    times: Data = {key: _number(said[key]) for key in _TIMES}
-    return Update(**texts, **times, phases=known)
+    known: Data = {
+        key: _number(value) if key in _TIMES else value if isinstance(value, str) else "" for key, value in said.items()
+    }
+    return Update(**known, phases={name: seconds for name, seconds in read.items() if seconds is not None})
 
 
 def _number(value: Any) -> float | None:

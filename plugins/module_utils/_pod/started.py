@@ -33,7 +33,6 @@ from .own_node import is_here, names_here, places, service_uris
 from .state import Settings, State, load_settings, load_state, ros_of, save_state
 
 HERE = Path(__file__).parent
-UNREGISTERED = "not registered with the master"
 SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
 CHILDREN_INTERVAL = 1.0
@@ -160,6 +159,7 @@ class Starting:
 
     def __init__(self, settings: Settings, ros: Backend, outside: Outside) -> None:
         self.settings, self.ros, self.outside, self.now = settings, ros, outside, outside.now
+        self.unregistered = False  # by the last look: the master answers, and knows none of the own nodes
         self.registered: Any = None
         self.since = 0.0
         self.missing: dict[Gap, float] = {}  # since when
@@ -169,6 +169,7 @@ class Starting:
         self.fallen_at: float | None = None
 
     def __call__(self) -> list[Check]:
+        self.unregistered = False
         # first the command: what the app registered before it agreed is in the graph that is looked at then
         command = self.settings.command
         reason = self.outside.run(command, COMMAND_TIMEOUT) if command else ""
@@ -188,6 +189,7 @@ class Starting:
         if overall([check.verdict for check in ended]) == FAIL:  # all else only follows from it
             return ended
         found, lacking = self._own(state)
+        self.unregistered = not found
         if lacking:
             return lacking
         wanted = Wanted(found, self._contract(state, found, owed), self.settings.min_rates)
@@ -214,8 +216,9 @@ class Starting:
         """The own nodes, or what is waited for: the one of the app's name, or all that its launch file started."""
         if self.settings.expect_node:
             node = self.settings.node
-            there = node in state.nodes()
-            return (node,), [] if there else [Check("node", node, WAIT, UNREGISTERED)]
+            if node in state.nodes():
+                return (node,), []
+            return (), [Check("node", node, WAIT, "not registered with the master")]
         found = tuple(name for name in sorted(self.outside.here(state)) if not is_tool(name))
         if not found:
             return (), [Check("node", self.settings.app, WAIT, "none is registered from this pod's address")]

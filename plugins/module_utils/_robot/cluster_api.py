@@ -231,16 +231,13 @@ class Cluster:
         return ApiError(f"the Kubernetes API at {self.host} cannot be reached: {str(error) or type(error).__name__}")
 
     def _headers(self) -> dict[str, str]:
-        return {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {self._token()}"}
+        token = (self.account / "token").read_text("utf-8").strip()  # anew each time: the kubelet renews it
+        return {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {token}"}
 
     def _connection(self, seconds: float = SECONDS) -> http.client.HTTPSConnection:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         context.load_verify_locations(str(self.account / "ca.crt"))
         return http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
-
-    def _token(self) -> str:
-        """Read anew each time: the kubelet renews it."""
-        return (self.account / "token").read_text("utf-8").strip()
 
 
 def _path(namespace: str, kind: str, name: str = "") -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Callable
 
 from .._common.documents import Data, Document
@@ -18,7 +18,6 @@ from .._common.errors import FleetError, SpecError
 from .._common.poll import PASS
 from .._ros.backend import Questions, everything
 from .._ros.conditions import conditions_from
-from .._ros.graph import Graph
 from .._ros.graph_json import graph_data
 from .._ros.idle_robot import IdleRobot, hold_when_idle
 from .._ros.raw_node import Asked, Said
@@ -37,18 +36,7 @@ UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.up
 
 
 @dataclass(frozen=True)
-class Answer:
-    """`holder` has the Lease, whose version `lease` this was seen with; `held`: actions whose new goals are held."""
-
-    go: bool
-    reason: str
-    holder: str = ""
-    lease: str = ""
-    held: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Rest:
+class RestRules:
     """What a robot has to be before it, or one app of it, is changed.
 
     `when` are options of ros_ready, `idle` actions besides those that its nodes serve.
@@ -60,14 +48,14 @@ class Rest:
     idle: tuple[str, ...]
 
 
-def rest_of(found: Object | None, app: str) -> Rest:
+def rest_of(found: Object | None, app: str) -> RestRules:
     """What the ConfigMap says of one app, or without one of all of them together; SpecError where it says nothing."""
     try:
         said = json.loads((found or {})["data"][REST_KEY])
         windows = Windows(*(said["windows"][key] for key in ("spans", "zone", "turns")))
         apps = [one for name, one in said["apps"].items() if app in ("", name)]
         when = [*said["when"], *(item for one in apps for item in one["when"])]
-        rest = Rest(said["space"], windows, tuple(when), tuple(name for one in apps for name in one["idle"]))
+        rest = RestRules(said["space"], windows, tuple(when), tuple(name for one in apps for name in one["idle"]))
     except (AttributeError, KeyError, TypeError, ValueError):
         raise SpecError(UNTOLD) from None
     if app and not apps:
@@ -79,10 +67,7 @@ class Door:
     """The pages below /v1/. `left_over`: whether whoever has this Lease of a namespace has gone."""
 
     def __init__(
-        self,
-        holds: Holds,
-        left_over: Callable[[str, Object | None], bool],
-        sleep: Callable[[float], None] = time.sleep,
+        self, holds: Holds, left_over: Callable[[str, Object | None], bool], sleep: Callable[[float], None] = time.sleep
     ) -> None:
         self.holds, self.cluster, self.ros = holds, holds.cluster, holds.ros
         self.left_over, self.sleep = left_over, sleep
@@ -106,7 +91,7 @@ class Door:
         if namespace not in self.cluster.namespaces():
             raise SpecError(f"this keeper does not look after {namespace}")
         if name == "may-change":
-            return asdict(self.may_change(namespace, query.get("app", ""), query.get("owner", "")))
+            return self.may_change(namespace, query.get("app", ""), query.get("owner", ""))
         if name == "apps":
             return self.apps(namespace)
         if name == "graph":
@@ -123,17 +108,18 @@ class Door:
             for one in there
         }
 
-    def may_change(self, namespace: str, app: str = "", owner: str = "") -> Answer:
-        """Whether the robot of this namespace, or this app of it, may be changed now by this owner.
+    def may_change(self, namespace: str, app: str, owner: str) -> Data:
+        """Whether the robot of this namespace, or this app of it, may be changed now by this owner, and why not.
 
-        Where the owner has its Lease by now, new goals are held first. KubeError, RosError or SpecError.
+        Where the owner has its Lease by now, new goals are held first; `held` are their actions. `holder` has the
+        Lease, whose version `lease` this was seen with. KubeError, RosError or SpecError.
         """
         found = self.holds.look(namespace)
         holder, version = holder_of(found), version_of(found)
         mine = bool(owner) and holder == OWNER + owner
 
-        def no(why: str) -> Answer:
-            return Answer(False, why, holder, version)
+        def no(why: str) -> Data:
+            return {"go": False, "reason": why, "holder": holder, "lease": version, "held": []}
 
         if self.cluster.home == FLEET != namespace and self._at_work(FLEET, self.cluster.lease(FLEET, newest=True)):
             return no("what is the whole fleet's is changed just now")
@@ -147,9 +133,9 @@ class Door:
             return no("its Lease changed hands just now")
         if verdict != PASS or self._closed(rest):  # to look takes its time
             return no(self._closed(rest) or why)
-        return Answer(True, why, holder, version, tuple(self.holds.of(namespace).servers) if mine else ())
+        return {**no(why), "go": True, "held": [*self.holds.of(namespace).servers] if mine else []}
 
-    def _closed(self, rest: Rest) -> str:
+    def _closed(self, rest: RestRules) -> str:
         """Until when its window is, in words; empty: it is open."""
         wall = self.holds.wall()
         opens = rest.windows.opens_at(wall)
@@ -158,11 +144,14 @@ class Door:
     def _at_work(self, namespace: str, lease: Object | None) -> bool:
         return bool(holder_of(lease)) and not self.left_over(namespace, lease)
 
-    def _rests(self, namespace: str, app: str, rest: Rest, mine: bool) -> tuple[str, str]:
+    def _rests(self, namespace: str, app: str, rest: RestRules, mine: bool) -> tuple[str, str]:
         """Verdict and reason. What is held already is only looked at: its owner may be at work."""
         state = self.ros.state()
         graph = self.ros.ask(state, Questions(dict.fromkeys(state.nodes(), frozenset()))).by_revision()
-        nodes = self._nodes_of(namespace, app, graph) if app else nodes_below(graph, rest.space)
+        found = self.cluster.deployment(namespace, app) if app else None
+        pods = self.cluster.pods(namespace) if found else []
+        own = own_nodes({app: node_of(found)}, graph, pods, {app: suffix_of(found)}) if found else {app: []}
+        nodes = own[app] if app else nodes_below(graph, rest.space)
         actions = actions_to_rest(graph, nodes, rest.idle)
         idle = [{**one, "state": "idle"} for one in actions]
         conditions = conditions_from({"actions": idle, "values": rest.when})
@@ -177,12 +166,6 @@ class Door:
             robot.close()
         self.holds.add(namespace, {name: new[name] for name in ended.held})
         return ended.verdict, ended.reason
-
-    def _nodes_of(self, namespace: str, app: str, graph: Graph) -> list[str]:
-        found = self.cluster.deployment(namespace, app)
-        if not found:
-            return []
-        return own_nodes({app: node_of(found)}, graph, self.cluster.pods(namespace), {app: suffix_of(found)})[app]
 
 
 def _json(status: int, said: Data) -> Said:

@@ -57,20 +57,16 @@ class Participants:
 
     def __init__(self, action: str, ros: Registrar, own: str) -> None:
         state = ros.state()
-        published, subscribed = state.publishers, state.subscribers
-        names = {part: published.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
+        names = {part: state.publishers.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
         everyone = sorted({name for found in names.values() for name in found} - {own})
         uris = ros.addresses(everyone)[0]
         self.clients, self.cancellers, self.status = (
             {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
         )
-        whole = set(subscribed.get(f"{action}/goal", ())) & set(subscribed.get(f"{action}/cancel", ()))
-        self.servers = {name: uri for name, uri in self.status.items() if name in whole}
-        self.listed = own in published.get(f"{action}/goal", ())
-        self.hears = {
-            topic: set(subscribed.get(topic, ())) & set(self.clients)
-            for topic in (f"{action}/result", f"{action}/status")
-        }
+        self.servers = {name: self.status[name] for name in state.servers(action) if name in self.status}
+        self.listed = own in names["goal"]
+        answers = (f"{action}/result", f"{action}/status")
+        self.hears = {topic: set(state.subscribers.get(topic, ())) & set(self.clients) for topic in answers}
 
 
 class Forwarder(threading.Thread):
@@ -295,9 +291,7 @@ class Forwarder(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        scene = Participants(self.hold.action, self.ros, self.slave.name)
-        with self.lock:
-            self.scene = scene
+        self.scene = Participants(self.hold.action, self.ros, self.slave.name)
 
     def run(self) -> None:
         looked = 0.0
@@ -309,11 +303,9 @@ class Forwarder(threading.Thread):
                     looked = time.monotonic()
                     self.look()
                 self.tick()
-            except RosError as error:
-                self.log(f"the master is away: {error}")
-                time.sleep(AWAY)
             except Exception as error:  # whatever one look brings: without us nobody gives the goals back
-                self.log(f"error: {type(error).__name__}: {error}")
+                away = isinstance(error, RosError)
+                self.log(f"{'the master is away' if away else f'error: {type(error).__name__}'}: {error}")
                 time.sleep(AWAY)
         with self.lock:
             for stream in self.streams.values():
@@ -347,14 +339,13 @@ class GoalForwarding:
         self,
         ros: Registrar,
         slave: Slave,
-        save: Callable[[Any], None],
+        write: Callable[[Any], bool],
         log: Callable[[str], None],
         stays: Callable[[str, str], bool],
     ) -> None:
         self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
-        self.write = save
+        self.write = write
         self.forwarders: dict[str, Forwarder] = {}
-        self.unsaved = False
         self.lock = threading.RLock()
         self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}
 
@@ -367,19 +358,10 @@ class GoalForwarding:
             one.start()
 
     def save(self) -> bool:
-        """Keep it; whether that could be done. Where it fails (the disk is full), it is said once."""
+        """Keep it; whether that could be done."""
         with self.lock:
-            now, was_unsaved = time.monotonic(), self.unsaved
-            try:
-                self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
-                self.unsaved = False
-            except OSError as error:
-                self.unsaved = True
-                if not was_unsaved:
-                    self.log(f"what is held is not on record, and lost if the keeper is started again: {error}")
-            if was_unsaved and not self.unsaved:
-                self.log("what is held is on record again")
-            return not self.unsaved
+            now = time.monotonic()
+            return self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
 
     def ended(self, forwarder: Forwarder) -> None:
         """Until that is written: what an old file says is held would be forwarded a second time."""

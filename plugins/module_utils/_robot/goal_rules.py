@@ -13,6 +13,7 @@ ago does no harm; it is avoided all the same.
 from __future__ import annotations
 
 import base64
+import math
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
@@ -167,16 +168,14 @@ class Hold:
             self.direct = None
         elif self.direct is None:
             self.direct = now
-        ours = [goal for goal in self.goals.values() if not self._theirs(goal)]
+        # what comes when the server has been connected to all clients is no goal of ours, listed or not
+        last = math.inf if self.direct is None else self.direct + GRACE
+        ours = [goal for goal in self.goals.values() if goal.arrived <= last]
         if ours:
             todo += self._forward(ours, sight, now) if sight.connected else [Order(ADVERTISE)]
         elif self.direct is not None and now - self.direct >= LINGER:
             todo.append(Order(FINISH))
         return todo
-
-    def _theirs(self, goal: Goal) -> bool:
-        """It came when the server had been connected to all clients: no goal of ours, listed or not."""
-        return self.direct is not None and goal.arrived > self.direct + GRACE
 
     def _lose(self) -> None:
         """The server that goals were being forwarded to is not there any more; what it did not list is still ours."""

@@ -66,8 +66,11 @@ class Holds:
                 servers = known.servers if known else {}
                 known = Owned(version_of(found), self.now() + duration_of(found), servers)
             if known and owner_of(found) and self.now() < known.until:
-                there = {} if new else self._there()
-                self._hold(known, {name: one for name, one in known.servers.items() if name not in there})
+                there: Mapping[str, object] = {}  # what cannot be seen is held once more
+                with contextlib.suppress(FleetError, OSError):
+                    there = {} if new else self.keeper.held()
+                # those that are not: the hold is longer now, or another server has come
+                self._robot(known).hold({name: one for name, one in known.servers.items() if name not in there})
                 self._keep(namespace, known)
             elif known:
                 # what a run holds by now is not let go; the rest ends by itself
@@ -101,20 +104,11 @@ class Holds:
             claim.write()
         return claim.found
 
-    def _hold(self, known: Owned, servers: Mapping[str, str]) -> None:
-        """Once more: the hold is longer now, or another server has come."""
-        self._robot(known).hold(servers)
-
     def _robot(self, known: Owned) -> IdleRobot:
         return IdleRobot(self.ros, self.keeper, Conditions(), lambda: known.until - self.now())
-
-    def _there(self) -> Mapping[str, object]:
-        with contextlib.suppress(FleetError, OSError):
-            return self.keeper.held()
-        return {}  # then they are held once more
 
     def _keep(self, namespace: str, known: Owned | None) -> None:
         others = {space: one for space, one in self.held.items() if space != namespace}
         self.held, now = {**others, **({namespace: known} if known else {})}, self.now()
-        with contextlib.suppress(OSError):  # a full disk: a keeper that begins anew counts the hold from its beginning
-            self.kept.save(PART, {space: {**asdict(one), "left": one.until - now} for space, one in self.held.items()})
+        # without: a keeper that begins anew counts the hold from its beginning
+        self.kept.save(PART, {space: {**asdict(one), "left": one.until - now} for space, one in self.held.items()})

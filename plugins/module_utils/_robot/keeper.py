@@ -58,7 +58,7 @@ class Keeper:
         self.memory = memory.from_dict(kept.load("registrations"), now())
         self.saved: Any = None
         self.params: str = str(kept.load("parameters") or "")
-        self.params_at = 0.0
+        self.params_at, self.params_kept = 0.0, True
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
         self.complete = bool(self.memory.master and self.params)
@@ -70,7 +70,7 @@ class Keeper:
         self.addresses_due = 0.0  # and at the addresses
         self.silence = Silence()
         self.probing: threading.Thread | None = None
-        self.probed: tuple[dict[str, Entry], dict[str, Liveness]] | None = None
+        self.probed: tuple[dict[str, Entry], dict[str, Liveness]] = ({}, {})
 
     def step(self) -> float:
         """One look; seconds until the next one."""
@@ -83,11 +83,8 @@ class Keeper:
             self.state = None
             return AWAY
         self.complete = bool(self.params)
-        held = self.held()
-        return REST if held and self._rests() else LOOK
-
-    def _rests(self) -> bool:
-        return self.now() - self.restless >= QUIET and not (self.memory.missed or self.memory.suspects)
+        held, quiet = self.held(), self.now() - self.restless >= QUIET
+        return REST if held and quiet and not (self.memory.missed or self.memory.suspects) else LOOK
 
     def parameter_changed(self, _caller: str, _key: str, _value: Any) -> list[Any]:
         """The master's call, of the slave API."""
@@ -132,12 +129,15 @@ class Keeper:
             self.restarted_at = now if known else self.restarted_at  # else its host was booted, and all pods with it
             self._replay(now)
         else:
-            if news:
-                self._mend(now)
+            # what the master lost without a restart, as a service whose last provider left while an earlier lives
+            calls = self._restore(self.memory.lost(self.present, now)) if news else ()
+            if calls:
+                self.log(f"restored {in_words(calls)}")
             news = self._probe(now) or news
         self._keep_params(now)
-        if news:
-            self._save()
+        content = self.memory.as_dict() if news else self.saved
+        if content != self.saved and self.kept.save("registrations", content):
+            self.saved = content
 
     def _keep_params(self, now: float) -> None:
         due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
@@ -153,18 +153,18 @@ class Keeper:
         changed = self.state is None or anew or (state is not self.seen and state != self.seen)
         self.seen = state
         self.restless = now if changed else self.restless
-        if changed or now >= self.addresses_due:
-            types = self.ros.calls([("getTopicTypes", self.ros.caller)])[0]
-            if isinstance(types, RosError):
-                raise types
-            self.state = self.ros.state_of(system, types)
-            self.present = self._without_us(self.ros.snapshot(self.state))
-            self.addresses_due = now + ADDRESSES
-            unknown = self.memory.unknown(self.present)
-            answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
-            self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
-            return True
-        return False
+        if not (changed or now >= self.addresses_due):
+            return False
+        types = self.ros.calls([("getTopicTypes", self.ros.caller)])[0]
+        if isinstance(types, RosError):
+            raise types
+        self.state = self.ros.state_of(system, types)
+        self.present = self._without_us(self.ros.snapshot(self.state))
+        self.addresses_due = now + ADDRESSES
+        unknown = self.memory.unknown(self.present)
+        answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
+        self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
+        return True
 
     def _without_us(self, entries: Mapping[str, Entry]) -> dict[str, Entry]:
         return {node: entry for node, entry in entries.items() if node != self.ros.caller}
@@ -177,9 +177,8 @@ class Keeper:
         wanted = memory.parameters_of(self.params)
         tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
         todo = list(memory.absent_parameters(wanted, tree))
-        for (name, _value), result in zip(
-            todo, self.ros.calls([("setParam", self.ros.caller, name, value) for name, value in todo])
-        ):
+        results = self.ros.calls([("setParam", self.ros.caller, name, value) for name, value in todo])
+        for (name, _value), result in zip(todo, results):
             if isinstance(result, RosError):
                 self.log(f"parameter {name} was not set: {result}")
         calls = self._restore(self.memory.lost(self.present, now, at_once=True), now)
@@ -188,12 +187,6 @@ class Keeper:
             f"the master was restarted: {len(calls)} registrations of {len(nodes)} nodes and {len(todo)} parameters "
             f"restored in {(time.monotonic() - start) * 1000:.0f} ms"
         )
-
-    def _mend(self, now: float) -> None:
-        """What the master lost without a restart, such as a service whose last provider left while an earlier lives."""
-        calls = self._restore(self.memory.lost(self.present, now))
-        if calls:
-            self.log(f"restored {in_words(calls)}")
 
     def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
         if not need:
@@ -208,22 +201,21 @@ class Keeper:
 
     def _probe(self, now: float) -> bool:
         """Nodes are looked at beside the loop: one that hangs must not delay it. Whether one went or came back."""
-        gone: list[str] = []
-        back: list[str] = []
-        if self.probed is not None:
-            asked, answers = self.probed
-            self.probed = None
-            gone, back = self.memory.judge(asked, answers, now)
-            self.silence = self.memory.silence()
-            for node in gone:
-                self._reap(node, answers[node], now)
-            for node in back:
-                self._revive(node, answers[node])
-        if self.probing is None or not self.probing.is_alive():
-            due = self.memory.due(self.present, now)
-            if due:
-                self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
-                self.probing.start()
+        if self.probing and self.probing.is_alive():
+            return False
+        (asked, answers), self.probed = self.probed, ({}, {})
+        gone, back = self.memory.judge(asked, answers, now)
+        self.silence = self.memory.silence() if asked else self.silence
+        for node in gone:
+            self._reap(node, answers[node], now)
+        for node in back:
+            self.present = self._without_us(self.ros.snapshot())
+            calls = self._restore(registrations.missing({node: self.memory.revive(node)}, self.present))
+            self.log(f"{node} is back, process {answers[node].pid}: restored {in_words(calls)}")
+        due = self.memory.due(self.present, now)
+        if due:
+            self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
+            self.probing.start()
         return bool(gone or back)
 
     def _ask(self, entries: dict[str, Entry]) -> None:
@@ -240,12 +232,6 @@ class Keeper:
         self.state = None
         self.log(f"removed {in_words(calls)}: {registrations.alive(entry, answer)}")
 
-    def _revive(self, node: str, answer: Liveness) -> None:
-        self.present = self._without_us(self.ros.snapshot())
-        need = registrations.missing({node: self.memory.revive(node)}, self.present)
-        calls = self._restore(need)
-        self.log(f"{node} is back, process {answer.pid}: restored {in_words(calls)}")
-
     # ---- parameters, and what is kept
 
     def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
@@ -259,15 +245,8 @@ class Keeper:
             return
         self.params_at, self.told_by = now, master
         text = memory.parameters_text(tree)
-        if text != self.params:
-            self.params = text
-            self.kept.save("parameters", text)
-
-    def _save(self) -> None:
-        content = self.memory.as_dict()
-        if content != self.saved:
-            self.kept.save("registrations", content)
-            self.saved = content
+        if text != self.params or not self.params_kept:
+            self.params, self.params_kept = text, self.kept.save("parameters", text)
 
 
 def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:

@@ -14,7 +14,7 @@ import threading
 import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Mapping
+from typing import TYPE_CHECKING, Any, Callable
 
 from .._common.errors import RosError
 from .._ros.latched import Ear, give, take
@@ -146,14 +146,9 @@ class LatchedTopics:
             (self.directory / value.file).unlink()
 
     def _save(self) -> None:
-        """A disk that is full costs the values at the next restart, and nothing now."""
-        with self.lock:
+        with self.lock:  # a call that keeps more must not write the file at the same time
             self.dirty = False
-            content = as_kept(self.values.values(), _boot())
-        try:
-            self.files.save(PART, content)
-        except OSError as error:
-            self.log(f"what is kept of latched topics is not on record: {error}")
+            self.files.save(PART, as_kept(self.values.values(), _boot()))
 
     # ---- subscribers, each in a thread of its own
 
@@ -234,18 +229,16 @@ class LatchedTopics:
         self._judge()
         with self.lock:
             for value in values:
-                if self.values.get(value.key) is value:
-                    self._step(value, publishers[value.topic], state)
+                if self.values.get(value.key) is not value:
+                    continue
+                order = value.step(publishers[value.topic], state.subscribers.get(value.topic, ()), self.now())
+                value.offered = order == OFFER
+                if order == DROP:
+                    self.log(f"lets go what {value.node} latched on {value.topic}: nobody came in its place")
+                    self._forget(value)
         self._offer(state)
         if self.dirty:
             self._save()
-
-    def _step(self, value: Value, publishers: Mapping[str, str], state: MasterState) -> None:
-        order = value.step(publishers, state.subscribers.get(value.topic, ()), self.now())
-        if order == DROP:
-            self.log(f"lets go what {value.node} latched on {value.topic}: nobody came in its place")
-            self._forget(value)
-        value.offered = order == OFFER
 
     def _listen(self, selector: selectors.BaseSelector, wanted: set[tuple[str, str]]) -> None:
         """Be connected to these publishers, by topic and address, and to no others."""

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import time
-from typing import Mapping
+from typing import Callable, Mapping
 
 from .._common.errors import KubeError
 from .._exporter import exporter
@@ -57,11 +57,10 @@ def options(words: list[str]) -> dict[str, str]:
         "--keep": "on",
         **exporter.OPTIONS,
     }
-    for name, value in zip(words[::2], words[1::2]):
-        if name not in found:
-            raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
-        found[name] = value
-    return found
+    given = dict(zip(words[::2], words[1::2]))
+    if not given.keys() <= found.keys():
+        raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
+    return {**found, **given}
 
 
 def told_to_end(seconds: float) -> bool:
@@ -107,7 +106,7 @@ def main(words: list[str]) -> int:
 def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code: str) -> int:
     """All that is kept of one master's graph, until it is told to end, or its code has changed."""
     uri = slave.master_uri
-    kept, ros = KeptFiles(chosen["--record"]), Registrar(uri, TIMEOUT, NAME)
+    kept, ros = KeptFiles(chosen["--record"], tell), Registrar(uri, TIMEOUT, NAME)
     keeper = Keeper(ros, kept, tell, uri=slave.uri)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))
@@ -128,19 +127,20 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     latched.resume()
     slave.register({"keep_latched": latched.keep})
     watch = None
+    beside: list[Callable[[], None]] = []
     if cluster:
         client = Ros1Client(uri, TIMEOUT, NAME)
         holds = Holds(cluster, client, KeeperCalls(slave.uri, NAME), kept)
         robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence, holds.watch)
         watch = StepWatch(cluster, client, robot, kept, tell)
         slave.show(PATH, Door(holds, watch.left_over).page)
+        beside.append(watch.run)
+        if cluster.home != FLEET:  # a shared master's keeper is no robot's
+            beside.append(Readiness(cluster, uri, latched.keep, lambda: keeper.restarted_at, tell).run)
     slave.start()
     shown.start()
-    if cluster and watch:
-        threading.Thread(target=watch.run, daemon=True).start()
-        if cluster.home != FLEET:  # a shared master's keeper is no robot's
-            gates = Readiness(cluster, uri, latched.keep, lambda: keeper.restarted_at, tell)
-            threading.Thread(target=gates.run, daemon=True).start()
+    for work in beside:
+        threading.Thread(target=work, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while not told_to_end(pause):

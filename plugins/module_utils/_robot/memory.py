@@ -12,7 +12,7 @@ import os
 import xmlrpc.client
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Iterator, Mapping
+from typing import Any, Callable, Iterator, Mapping
 
 from .._ros import registrations
 from .._ros.registrations import Call, Entry, Liveness
@@ -92,8 +92,7 @@ class Memory:
             there = present.get(node)
             if there is not None and there.uri != entry.uri:
                 continue  # a newer process has the name; learn() takes it up
-            waited = at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN)
-            if waited:
+            if at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN):
                 due[node] = entry
                 self.asked[node] = now
         return due
@@ -118,16 +117,11 @@ class Memory:
             if restarted and answer.verdict == registrations.DEAD:
                 self.bury(node, restarted)
                 continue
-            known = self.nodes[node]
-            kept = (
-                {
-                    name: detail
-                    for name, detail in known.part(kind).items()
-                    if name not in entry.part(kind) or (kind, node, name) in restored
-                }
-                for kind in (registrations.PUBLISHER, registrations.SUBSCRIBER, registrations.SERVICE)
-            )
-            self.nodes[node] = Entry(known.uri, known.pid, *kept)
+
+            def stays(kind: str, name: str, node: str = node, entry: Entry = entry) -> bool:
+                return name not in entry.part(kind) or (kind, node, name) in restored
+
+            self.nodes[node] = self.nodes[node].only(stays)
             if self.nodes[node].empty:
                 self.forget(node)
         return calls
@@ -220,25 +214,41 @@ def from_dict(data: Any, now: float) -> Memory:
 
 
 class KeptFiles:
-    """A directory with one JSON file per part, written whole or not at all; None: it is not there, or is damaged."""
+    """A directory with one JSON file per part, written whole or not at all.
 
-    def __init__(self, directory: str) -> None:
-        self.directory = Path(directory)
+    A disk that is full costs what is kept at the keeper's next start, and nothing now: it is told once.
+    """
+
+    def __init__(self, directory: str, log: Callable[[str], None]) -> None:
+        self.directory, self.log = Path(directory), log
         self.directory.mkdir(parents=True, exist_ok=True)
+        self.lost: set[str] = set()  # parts that could not be written
 
     def load(self, part: str) -> Any:
+        """None: it is not there, or is damaged."""
         try:
             return json.loads((self.directory / f"{part}.json").read_text("utf-8"))
         except (OSError, ValueError):
             return None
 
-    def save(self, part: str, content: Any) -> None:
+    def save(self, part: str, content: Any) -> bool:
+        """Whether that could be done."""
         fresh = self.directory / f".{part}.new"
-        with fresh.open("w", encoding="utf-8") as file:
-            json.dump(content, file, separators=(",", ":"))
-            file.flush()
-            os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
-        fresh.replace(self.directory / f"{part}.json")
+        try:
+            with fresh.open("w", encoding="utf-8") as file:
+                json.dump(content, file, separators=(",", ":"))
+                file.flush()
+                os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
+            fresh.replace(self.directory / f"{part}.json")
+        except OSError as error:
+            if part not in self.lost:
+                self.log(f"{part}: not on record, and lost if the keeper is started again: {error}")
+            self.lost.add(part)
+            return False
+        if part in self.lost:
+            self.log(f"{part}: on record again")
+        self.lost.discard(part)
+        return True
 
 
 # ---- parameters

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Callable, Mapping, Sequence
 
 from .._common.errors import KubeError, RosError
@@ -26,7 +26,7 @@ class Goals:
 
     busy: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
-    servers: Mapping[str, str] | None = None  # action -> its server, where that is the new node alone
+    servers: Mapping[str, str] = field(default_factory=dict)  # action -> its server, where that is the new node alone
 
     def waiting(self, patient: bool) -> str:
         """What is waited for, in words; where one is not `patient`, not for what cannot be read."""
@@ -44,7 +44,7 @@ def open_goals_at(ros: Backend, pod: Object) -> Goals:
     """Of the nodes in a pod."""
 
     def served(state: MasterState) -> dict[str, tuple[str, ...]]:
-        servers = _servers(state)
+        servers = {name: state.servers(name) for name in state.graph.actions}
         here = _at(ros, state, servers, [pod]) | {annotations_of(pod).get(NODE, "")}
         return {name: tuple(one for one in all_of_it if one in here) for name, all_of_it in servers.items()}
 
@@ -79,7 +79,7 @@ def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str
     An old node of another name works on by itself, and stays; so does one of the same name, beside which the new
     version only waits.
     """
-    servers = _servers(state)
+    servers = {name: state.servers(name) for name in state.graph.actions}
     nodes = {node_of(member.deployment) for member in step.going_back} - {""}
     nodes -= _at(ros, state, servers, [pod for member in step.going_back for pod in member.others])
     nodes |= _at(ros, state, servers, [pod for member in step.going_back for pod in member.pods])
@@ -90,10 +90,6 @@ def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str
         own = tuple(one for one in all_of_it if is_meant(one, nodes))
         found[name] = own or tuple(one for one in all_of_it if name in known and not is_meant(one, old))
     return found
-
-
-def _servers(state: MasterState) -> dict[str, tuple[str, ...]]:
-    return {name: state.servers(name) for name in state.graph.actions}
 
 
 def _at(ros: Backend, state: MasterState, servers: Mapping[str, tuple[str, ...]], pods: Sequence[Object]) -> set[str]:

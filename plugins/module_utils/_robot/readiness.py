@@ -19,21 +19,9 @@ from typing import Callable, Mapping, Sequence
 from .._common.errors import FleetError, RosError
 from .._common.poll import FAIL, PASS, overall
 from .._pod.own_node import OwnNode, places
-from .._pod.started import (
-    INTERVAL,
-    SECONDS,
-    SLOW_INTERVAL,
-    UNREGISTERED,
-    Outside,
-    Owed,
-    Starting,
-    introduce,
-    message,
-    owed_by,
-)
+from .._pod.started import INTERVAL, SECONDS, SLOW_INTERVAL, Outside, Owed, Starting, introduce, message, owed_by
 from .._pod.state import TIMEOUT, Settings, State, load_settings
 from .._ros.backend import Backend, MasterState
-from .._ros.checks import Check
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
@@ -41,7 +29,7 @@ from .._ros.registrar import Registrar
 from .._step.objects import Object, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import ApiError, Cluster
+from .cluster_api import ApiError, Cluster, lease_time
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -98,13 +86,6 @@ def address_of(pod: Object) -> str:
     return str((pod.get("status") or {}).get("podIP") or "")
 
 
-def condition(ready: bool, text: str, at: str) -> Object:
-    """The condition to write."""
-    reason = "InTheGraph" if ready else "NotInTheGraph"
-    told = {"status": "True" if ready else "False", "reason": reason, "message": text}
-    return {"type": READINESS, **told, "lastTransitionTime": at}
-
-
 # ---- doing it
 
 
@@ -141,14 +122,11 @@ class Readiness:
             try:
                 version = self.follow(version)
                 self._tell("")
-            except FleetError as error:
-                version = ""
-                if not (isinstance(error, ApiError) and error.status == GONE):
-                    self._tell(str(error))
-                    self.sleep(AGAIN)
             except Exception as error:  # whatever the API sends, what comes next may be better
                 version = ""
-                self.log(f"error: {type(error).__name__}: {error}")
+                if isinstance(error, ApiError) and error.status == GONE:
+                    continue
+                self._tell(str(error) if isinstance(error, FleetError) else f"{type(error).__name__}: {error}")
                 self.sleep(AGAIN)
 
     def _tell(self, text: str) -> None:
@@ -171,7 +149,7 @@ class Readiness:
             if event.get("type") == "DELETED":
                 self.pods.pop(pod["metadata"]["uid"], None)
                 self.seen.pop(pod["metadata"]["uid"], None)
-            elif event.get("type") != "BOOKMARK":
+            else:  # a BOOKMARK has no gate
                 self.take(pod)
         return version
 
@@ -203,10 +181,9 @@ class Readiness:
                 self._end(self.pods[uid])
             else:
                 self._prove(uid, work)
-        except ApiError:  # the watch tells of an API that is away
-            self.sleep(AGAIN)
         except Exception as error:  # one pod's trouble is no other's
-            self.log(f"pod {uid}: {type(error).__name__}: {error}")
+            if not isinstance(error, ApiError):  # the watch tells of an API that is away
+                self.log(f"pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
         with self.lock:
             if self.at_work.get(uid) == work:
@@ -215,13 +192,17 @@ class Readiness:
         if work != END and pod is not None and due(pod) == PROVE:  # it ended by an error, or was proven just now
             self._begin(uid, container_of(pod))
 
-    def _say(self, pod: Object, ready: bool, text: str) -> None:
-        """In the pod's own condition; a pod that has gone meanwhile needs none."""
+    def _say(self, pod: Object, ready: bool, text: str) -> Object:
+        """In the pod's own condition, which it returns; a pod that has gone meanwhile needs none."""
+        reason, at = "InTheGraph" if ready else "NotInTheGraph", lease_time(time.time())
+        said = {"status": str(ready), "reason": reason, "message": text}
+        condition = {"type": READINESS, **said, "lastTransitionTime": at}
         try:
-            self.cluster.set_condition(self.namespace, pod, condition(ready, text, _time()))
+            self.cluster.set_condition(self.namespace, pod, condition)
         except ApiError as error:
             if error.status not in (404, 409):
                 raise
+        return condition
 
     # ---- a new version
 
@@ -238,32 +219,22 @@ class Readiness:
             verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
             if verdict == PASS:
                 break
-            if self._unheard(checks, began):
-                self._begin_anew(pod)
+            if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
+                words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
+                self.cluster.evict(self.namespace, pod, None)
+                self.cluster.tell(self.namespace, pod, "NodeUnheard", words, lease_time(time.time()))
+                self.log(f"{name_of(pod)}: {words}")
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
                 self._say(pod, False, text)
                 told, told_at = text, now
             self.sleep(INTERVAL if now - began < SECONDS else SLOW_INTERVAL)
-        for other in self._others(pod):
-            for node in () if is_terminating(other) else self._nodes(other):
-                self.keep_latched(node.name, node.uri, LATCHED)
-        self._say(pod, True, PROVEN + container)
+        for node in self._nodes([one for one in self._others(pod) if not is_terminating(one)]):
+            self.keep_latched(node.name, node.uri, LATCHED)
+        said = self._say(pod, True, PROVEN + container)
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
-        said = condition(True, PROVEN + container, _time())
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
         self.log(f"{name_of(pod)} is ready")
-
-    def _unheard(self, checks: Sequence[Check], began: float) -> bool:
-        """Whether its node told only a master that has gone: nodes of ROS 1 register once."""
-        there = not any(check.kind == "node" and check.reason.startswith(UNREGISTERED) for check in checks)
-        return not there and began < self.restarted_at() <= self.now() - UNHEARD
-
-    def _begin_anew(self, pod: Object) -> None:
-        words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
-        self.cluster.evict(self.namespace, pod, None)
-        self.cluster.tell(self.namespace, pod, "NodeUnheard", words, _time())
-        self.log(f"{name_of(pod)}: {words}")
 
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
@@ -296,7 +267,7 @@ class Readiness:
     def _end(self, pod: Object) -> None:
         """Its nodes leave the graph, and end: roscpp as process 1 of a container is deaf to SIGTERM."""
         replaced = any(map(is_proven, self._others(pod)))
-        for node in self._nodes(pod):
+        for node in self._nodes([pod]):
             if not replaced:  # else that was done before the next one was said to be ready
                 self.keep_latched(node.name, node.uri, LATCHED)
             for step in (node.unregister, node.forget, node.shut_down):
@@ -310,15 +281,19 @@ class Readiness:
         uid = pod["metadata"]["uid"]
         return [one for one in list(self.pods.values()) if app_of(one) == app_of(pod) and one["metadata"]["uid"] != uid]
 
-    def _nodes(self, pod: Object) -> list[OwnNode]:
-        """What is registered from its address; where no master answers the node that was seen of it last."""
-        settings, address, seen = settings_of(pod), address_of(pod), self.seen.get(str(pod["metadata"]["uid"]))
+    def _nodes(self, pods: Sequence[Object]) -> list[OwnNode]:
+        """What is registered from their addresses; where no master answers the nodes that were seen of them last."""
         try:
-            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if address else {}
+            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if pods else {}
         except RosError:
-            return [seen] if seen else []
-        here = {name: entry for name, entry in there.items() if host_of(entry.uri) == address}
-        return [OwnNode(name, entry.uri, entry.services, settings) for name, entry in here.items()]
+            uids = [str(pod["metadata"]["uid"]) for pod in pods]
+            return [self.seen[uid] for uid in uids if uid in self.seen]
+        return [
+            OwnNode(name, entry.uri, entry.services, settings_of(pod))
+            for pod in pods
+            for name, entry in there.items()
+            if host_of(entry.uri) == address_of(pod) != ""
+        ]
 
 
 class Sent:
@@ -352,7 +327,3 @@ class Debts:
             record = record_of(self.cluster.config_map(self.namespace, record_name(self.app)))
             self.found, self.read_at = owed_by(record, self.revision), self.now()
         return self.found
-
-
-def _time() -> str:
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

@@ -10,7 +10,7 @@ that is gone, a master that is silent.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Mapping, Sequence
 
 from .._common.documents import Data
@@ -18,7 +18,7 @@ from .._ros import contract as ros_contract
 from .._ros.backend import Backend
 from .._ros.conditions import conditions_from
 from .._ros.gate import Look, Silence, look
-from .._step.objects import Object, crashes, ends_by_container, error_of, was_out_of_memory
+from .._step.objects import crashes, ends_by_container, error_of, was_out_of_memory
 from .._step.words import MASTER
 from .way_back import Step
 
@@ -29,8 +29,9 @@ LISTS = ("nodes", "topics", "services", "actions", "edges")
 
 @dataclass
 class Soaking:
-    """What was seen of one step."""
+    """A step as it is now, and what was seen of it so far."""
 
+    step: Step
     seconds: float = 0.0  # for which it could be seen
     looks: int = 0
     bad: int = 0  # looks that found it so, one after the other
@@ -39,48 +40,40 @@ class Soaking:
     why: str = ""  # it goes back; empty: it does not
 
     @property
-    def counts_messages(self) -> bool:
-        """Nobody is proven by a rate that nobody has counted."""
-        return self.bad > 0 or self.looks % RATED == RATED - 1
+    def good(self) -> bool:
+        """Whether it is proven by now: not by a rate that nobody has counted."""
+        return self.seconds >= self.step.soak and self.counted and not self.why
+
+    def look(self, passed: float, ros: Backend, silence: Silence) -> None:
+        for member in self.step.members:
+            self.with_host.update(ends_by_container(member.pods, with_host=True))
+        self.why = "others of its step went back" if self.step.begun else ended(self.step, self.with_host)
+        if self.why or not self.step.rolled_out:
+            return
+        counts = self.bad > 0 or self.looks % RATED == RATED - 1
+        verdict = worse(look(ros, conditions_from(conditions(self.step, counts)), silence))
+        if verdict is None:
+            return
+        self.counted = (counts or self.counted) and not verdict
+        self.seconds, self.looks = self.seconds + passed, self.looks + 1
+        self.bad = self.bad + 1 if verdict else 0
+        self.why = verdict if self.bad >= LOOKS else ""
 
 
-@dataclass
 class Soak:
     """The steps of one namespace that soak."""
 
-    silence: Silence = field(default_factory=Silence)
-    steps: dict[str, Soaking] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.silence = Silence()
+        self.steps: dict[str, Soaking] = {}
 
-    def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> None:
+    def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> list[Soaking]:
         """Once at each; `passed` are the seconds since the last look."""
-        self.steps = {step.key: self.steps.get(step.key) or Soaking() for step in steps}
+        known, self.steps = self.steps, {}
         for step in steps:
-            self._look(step, self.steps[step.key], passed, ros)
-
-    def _look(self, step: Step, found: Soaking, passed: float, ros: Backend) -> None:
-        for member in step.members:
-            found.with_host.update(ends_by_container(member.pods, with_host=True))
-        found.why = "others of its step went back" if step.begun else ended(step, found.with_host)
-        if found.why or not step.rolled_out:
-            return
-        counts = found.counts_messages
-        seen = look(ros, conditions_from(conditions(step, counts)), self.silence)
-        verdict = worse(seen)
-        if verdict is None:
-            return
-        found.counted = (counts or found.counted) and not verdict
-        found.seconds, found.looks = found.seconds + passed, found.looks + 1
-        found.bad = found.bad + 1 if verdict else 0
-        found.why = verdict if found.bad >= LOOKS else ""
-
-    def bad(self, step: Step) -> str:
-        """Why it goes back; empty: it does not."""
-        return self.steps.get(step.key, Soaking()).why
-
-    def good(self, step: Step) -> bool:
-        """Whether it is proven by now."""
-        found = self.steps.get(step.key, Soaking())
-        return found.seconds >= step.soak and found.counted and not found.why
+            found = self.steps[step.key] = replace(known.get(step.key) or Soaking(step), step=step)
+            found.look(passed, ros, self.silence)
+        return [*self.steps.values()]
 
 
 def conditions(step: Step, rates: bool) -> Data:
@@ -104,7 +97,8 @@ def ended(step: Step, with_host: Mapping[str, int]) -> str:
     the keeper would have seen it. `with_host`: container -> how many ends that were.
     """
     for member in step.members:
-        code, ends = next(filter(None, map(_fault, member.pods)), ""), ends_by_container(member.pods)
+        faults = (error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "") for pod in member.pods)
+        code, ends = next(filter(None, faults), ""), ends_by_container(member.pods)
         times = sum(ends.values()) - max(member.record.ends, sum(with_host.get(one, 0) for one in ends))
         if times > 0 and (code or times > 1):  # somebody may have ended it once
             often = "once" if times == 1 else f"{times} times"
@@ -112,10 +106,6 @@ def ended(step: Step, with_host: Mapping[str, int]) -> str:
         if any(map(crashes, member.pods)):
             return f"{member.name} crashes again and again"
     return ""
-
-
-def _fault(pod: Object) -> str:
-    return error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "")
 
 
 def worse(seen: Look) -> str | None:

@@ -21,7 +21,7 @@ from .._step.record import mark_of, record_name, record_of, soaks
 from .._step.words import FLEET, SOAKING, UPDATING
 from .cluster_api import ApiError, Claim, Cluster, LostError, lease_time, read_records
 from .memory import KeptFiles, Silence
-from .open_goals import Goals, open_goals
+from .open_goals import open_goals
 from .soak import Soak
 from .watchdog import Hung, Watchdog
 from .way_back import Observed, Step, member_of, restored, steps_of
@@ -149,42 +149,40 @@ class StepWatch:
     def _steps_left(self, namespace: str, seen: Observed) -> None:
         there = self.cluster.deployments(namespace)
         steps = self._steps(namespace, there)
-        due = seen.due(steps)
-        self._remember(namespace, seen)
+        due = seen.due(steps[UPDATING])
+        # what was rolled out once is not failing because its robot starts anew, and the keeper with it
+        known = {**self.came_up, namespace: sorted(seen.came_up)}
+        known = {space: keys for space, keys in known.items() if keys}
+        if known != self.came_up and self.kept.save(STEPS, known):
+            self.came_up = known
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
-        soaking = self._soak(namespace, seen, there)
-        recorded = self._record(namespace, there)
-        seen.nothing = seen.version if recorded and not (steps or soaking) else None
-
-    def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
-        """Those whose Deployments are marked; with SOAKING those that soak."""
-        marked = [item for item in there if mark_of(item, key) is not None]
-        pods = [] if key == UPDATING and all(map(rolled_out, marked)) else self.cluster.pods(namespace)
-        records = read_records(self.cluster, namespace, map(name_of, marked))
-        chosen = marked if key == UPDATING else [item for item in marked if soaks(item, records)]
-        return steps_of([member_of(item, records, pods) for item in chosen], there)
-
-    def _soak(self, namespace: str, seen: Observed, there: list[Object]) -> bool:
-        """Look at what soaks; whether anything does still."""
-        steps = self._steps(namespace, there, SOAKING) if any(mark_of(one, SOAKING) for one in there) else []
-        soak = self.soaks.setdefault(namespace, Soak())
-        soak.look(steps, seen.passed, self.ros)
-        for step in steps:
-            why = soak.bad(step)
-            if why:
-                self._due(namespace, seen, Due(step, SOAKING, f"{why}, within {step.soak:.0f} s of the update"))
-        good = {step.key: step.name for step in steps if soak.good(step)}
+        soaking = self.soaks.setdefault(namespace, Soak()).look(steps[SOAKING], seen.passed, self.ros)
+        for one in soaking:
+            if one.why:
+                reason = f"{one.why}, within {one.step.soak:.0f} s of the update"
+                self._due(namespace, seen, Due(one.step, SOAKING, reason))
+        good = {one.step.key: one.step.name for one in soaking if one.good}
         if good:
             about = f"{namespace}/{next(iter(good.values()))}"
             self._with_lease(namespace, seen, about, "is not proven yet: {}", partial(self._prove, good))
-        return bool(steps)
+        recorded = self._record(namespace, there)
+        seen.nothing = seen.version if recorded and not any(steps.values()) else None
+
+    def _steps(self, namespace: str, there: list[Object]) -> dict[str, list[Step]]:
+        """Mark -> the steps that it stands for: those that are not over, and those that soak."""
+        marked = {key: [item for item in there if mark_of(item, key) is not None] for key in (UPDATING, SOAKING)}
+        records = read_records(self.cluster, namespace, [name_of(one) for found in marked.values() for one in found])
+        marked[SOAKING] = [item for item in marked[SOAKING] if soaks(item, records)]
+        needed = marked[SOAKING] or not all(map(rolled_out, marked[UPDATING]))
+        pods = self.cluster.pods(namespace) if needed else []
+        return {key: steps_of([member_of(one, records, pods) for one in of], there) for key, of in marked.items()}
 
     def _prove(self, good: Collection[str], claim: Claim) -> None:
         """They were good for long enough. The record says so first; only then the mark comes off."""
-        for step in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), SOAKING):
+        for step in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[SOAKING]:
             if step.key not in good:
                 continue
             claim.renew()
@@ -195,14 +193,6 @@ class StepWatch:
             for member in step.members:
                 self.cluster.unmark(claim.namespace, member.deployment, SOAKING)
             self.log(f"{claim.namespace}: {step.name} was good for {step.soak:.0f} s: proven")
-
-    def _remember(self, namespace: str, seen: Observed) -> None:
-        """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
-        known = {**self.came_up, namespace: sorted(seen.came_up)}
-        known = {space: keys for space, keys in known.items() if keys}
-        if known != self.came_up:
-            self.kept.save(STEPS, known)
-            self.came_up = known
 
     def _record(self, namespace: str, there: list[Object]) -> bool:
         """Say in the robot's record of updates what became of its steps; False: it is to be tried again."""
@@ -260,14 +250,18 @@ class StepWatch:
 
     def _still_due(self, due: Due, claim: Claim) -> None:
         """What was due may be over by now."""
-        for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), due.key):
+        for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[due.key]:
             if again.key == due.step.key and due.still(again):
                 self._go_back(claim, replace(due, step=again))
 
     def _go_back(self, claim: Claim, due: Due) -> None:
         """The Lease is renewed before all that may take its time, and before all that is written."""
         step = due.step
-        held = self._hold(claim, open_goals(self.ros, step))
+        held: list[str] = []
+        for action, server in open_goals(self.ros, step).servers.items():
+            claim.renew()
+            if self.robot.hold(action, server, HOLD)[0]:  # goals that come now are for the old server
+                held.append(action)
         self.sleep(AGAIN)
         claim.renew()
         if open_goals(self.ros, step).waiting(due.patient):
@@ -275,7 +269,12 @@ class StepWatch:
                 self.robot.release(action)
             return
         claim.renew()
-        self._give_services_back(step)
+        new = {node_of(member.deployment) for member in step.going_back}
+        old = {node for member in step.going_back for node in member.nodes_before}
+        try:  # first, so that a service never points to nothing while its old server lives
+            self.robot.take_back(old - new - {""})
+        except RosError as error:
+            self.log(f"{step.name}: services were not given back: {error}")
         for member in step.going_back:
             claim.renew()
             self.cluster.apply(claim.namespace, restored(member, due.reason, self._time()))
@@ -283,24 +282,6 @@ class StepWatch:
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
                 other.nothing = None
-
-    def _hold(self, claim: Claim, goals: Goals) -> list[str]:
-        """Goals that come now are for the old server."""
-        held = []
-        for action, server in (goals.servers or {}).items():
-            claim.renew()
-            if self.robot.hold(action, server, HOLD)[0]:
-                held.append(action)
-        return held
-
-    def _give_services_back(self, step: Step) -> None:
-        """First, so that a service never points to nothing while its old server lives."""
-        new = {node_of(member.deployment) for member in step.going_back}
-        old = {node for member in step.going_back for node in member.nodes_before}
-        try:
-            self.robot.take_back(old - new - {""})
-        except RosError as error:
-            self.log(f"{step.name}: services were not given back: {error}")
 
     def _time(self) -> str:
         return lease_time(self.wall())

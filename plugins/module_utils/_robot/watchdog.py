@@ -99,16 +99,20 @@ class Watchdog:
         """Why the pod is left as it is, in whole words; nothing where it is to be begun anew."""
         if len(self._done(f"{namespace}/{one.app}")) >= AT_MOST:
             return one.left(f"it was begun anew {AT_MOST} times within {WITHIN / 60:.0f} min")
+        try:
+            node = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).node(one.node)
+            if node.reachable:
+                return f"node {one.node} answers again"
+        except RosError:
+            pass  # the master is away: what it said of the node's goals is not known either
         return one.works(open_goals_at(self.ros, one.pod))
 
     def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
         """Evict it; what was done, or why it could not be. An Event of the pod says so, too.
 
-        A goal that has come since `waits` keeps the pod, as one that was there before does.
-        So does an answer of the node.
+        What has come since it was looked at last, a goal or an answer of the node, keeps the pod.
         """
-        goals = open_goals_at(self.ros, one.pod)
-        waiting = one.works(goals) or self._answers(one)
+        waiting, goals = self.waits(namespace, one), open_goals_at(self.ros, one.pod)
         if waiting:
             return waiting
         at_work = goals.servers and not goals.unknown  # a goal may begin now: its stop hook lets it end
@@ -124,14 +128,6 @@ class Watchdog:
         self._done(f"{namespace}/{one.app}").append(self.now())
         self.cluster.tell(namespace, one.pod, REASON, words, at)
         return f"{words}: its pod {name_of(one.pod)} is begun anew"
-
-    def _answers(self, one: Hung) -> str:
-        """A node that was silent in the last look of the keeper may be back."""
-        try:
-            node = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).node(one.node)
-        except RosError:
-            return ""
-        return f"node {one.node} answers again" if node.reachable else ""
 
     def _done(self, about: str) -> list[float]:
         """When the app was begun anew lately."""

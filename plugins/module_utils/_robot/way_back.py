@@ -142,7 +142,8 @@ class Step:
         """Whether it is to go back."""
         if not self.going_back or any(member.proven for member in self.members):
             return False
-        return self.begun or any(member.differs and _is_bad(member, came_up) for member in self.members)
+        bad = (any(map(crashes, one.pods)) if came_up else not rolled_out(one.deployment) for one in self.members)
+        return self.begun or any(is_bad and one.differs for is_bad, one in zip(bad, self.members))
 
     @property
     def error(self) -> str:
@@ -156,10 +157,6 @@ class Step:
         return [member for member in self.members if member.before is not None and member.state in UNPROVEN]
 
 
-def _is_bad(member: Member, came_up: bool) -> bool:
-    return any(map(crashes, member.pods)) if came_up else not rolled_out(member.deployment)
-
-
 def steps_of(found: Iterable[Member], deployments: Iterable[Object]) -> list[Step]:
     """The steps that the marked ones belong to; `deployments` are all there are."""
     back = {name_of(item): went_back(item) for item in deployments if mark_of(item) is None}
@@ -169,16 +166,11 @@ def steps_of(found: Iterable[Member], deployments: Iterable[Object]) -> list[Ste
             groups.setdefault(member.apps, []).append(member)
     return [
         Step(
-            tuple(sorted(members, key=lambda one: place(one, apps))),
+            tuple(sorted(members, key=lambda one: (*apps, one.name).index(one.name))),  # providers before their users
             any(by_run(back.get(app, {}), members[0].record.run) for app in apps),
         )
         for apps, members in groups.items()
     ]
-
-
-def place(member: Member, apps: Sequence[str]) -> int:
-    """Providers come before their users, as the step had them."""
-    return apps.index(member.name) if member.name in apps else len(apps)
 
 
 # ---- since when
@@ -230,13 +222,11 @@ class Observed:
         resting = {key: known[key] for key, seconds in self.rested.items() if seconds < FORGIVEN}
         waiting = {one.key: known[one.key] + self.passed if one.key in known else 0.0 for one in failing}
         self.waited = {**resting, **waiting}
-        return [step for step in failing if step.begun or self._died(step) or self._late(step)]
+        late = {step.key for step in failing if self.waited[step.key] >= step.ready_timeout}
+        return [step for step in failing if step.begun or self._died(step) or step.key in late]
 
     def _died(self, step: Step) -> str:
         return "" if self.up(step) else step.error
-
-    def _late(self, step: Step) -> bool:
-        return self.waited[step.key] >= step.ready_timeout
 
     def up(self, step: Step) -> bool:
         """Whether all of it was rolled out at some time."""

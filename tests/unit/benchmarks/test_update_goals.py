@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-from update.goals import Goals, completion_ms, goals, longest_ms
+import pytest
+from update.goals import completion_ms, goals, longest_ms
 from update.windows import Span
 
 SPAN = Span(100.0, 110.0)
@@ -23,33 +23,24 @@ def started(number: int, host: str) -> dict[str, Any]:
 CLIENT = [goal(number, 99.0 + number / 2) for number in range(24)]  # 99.0 to 110.5
 
 
-def found(client: Sequence[dict[str, Any]], servers: Sequence[dict[str, Any]], span: Span = SPAN) -> Goals:
-    account = goals(client, servers, span)
-    assert account is not None
-    return account
+OUTCOMES = {3: "aborted", 4: "rejected", 5: "lost", 0: "aborted", 6: "abandoned"}  # 0 was sent before the span
+ENDED = [goal(number, 99.0 + number / 2, OUTCOMES.get(number, "succeeded")) for number in range(24)]
+TWICE = [started(7, "old"), started(7, "new"), started(8, "new"), started(0, "a"), started(0, "b")]
 
 
-def test_all_goals_of_the_span_succeeded() -> None:
-    account = found(CLIENT, [started(number, "a") for number in range(24)])
-    assert (account.sent, account.aborted, account.lost, account.twice) == (20, 0, 0, 0)
-
-
-def test_ends_that_nobody_asked_for() -> None:
-    changed = {3: "aborted", 4: "rejected", 5: "lost", 0: "aborted", 6: "abandoned"}  # 0 was sent before the span
-    client = [goal(n, 99.0 + n / 2, changed.get(n, "succeeded")) for n in range(24)]
-    account = found(client, [])
-    assert (account.sent, account.aborted, account.lost) == (19, 2, 1)
-
-
-def test_a_goal_that_two_servers_started_was_executed_twice() -> None:
-    servers = [started(7, "old"), started(7, "new"), started(8, "new"), started(0, "a"), started(0, "b")]
-    account = found(CLIENT, servers)
-    assert account.twice == 1
-
-
-def test_a_client_that_fell_silent_waits_for_a_goal_that_is_lost() -> None:
-    account = found(CLIENT, [], Span(100.0, 130.0))
-    assert account.lost == 1
+@pytest.mark.parametrize(
+    ("client", "servers", "span", "counts"),
+    [
+        (CLIENT, [started(number, "a") for number in range(24)], SPAN, (20, 0, 0, 0)),
+        (ENDED, [], SPAN, (19, 2, 1, 0)),  # what a client abandoned is none of ours
+        (CLIENT, TWICE, SPAN, (20, 0, 0, 1)),
+        (CLIENT, [], Span(100.0, 130.0), (23, 0, 1, 0)),  # a client that fell silent waits for a goal that is lost
+    ],
+)
+def test_what_became_of_the_goals_of_a_span(client: Any, servers: Any, span: Span, counts: tuple[int, ...]) -> None:
+    found = goals(client, servers, span)
+    assert found is not None
+    assert (found.sent, found.aborted, found.lost, found.twice) == counts
 
 
 def test_no_log_is_no_success() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from update.jsonlog import lines
-from update.messages import Messages, dropped_by_queues, gap_ms, messages, order, processes
+from update.messages import dropped_by_queues, gap_ms, messages, order, processes
 from update.numbers import clip, count, minus, percentile
 from update.windows import Span, after_start, around, before
 
@@ -20,38 +20,37 @@ def line(time: float, *ranges: list[int], **more: Any) -> dict[str, Any]:
     return {"time": time, "node": "/s", "version": "1.0", "resumed_from": None, "ranges": list(ranges), **more}
 
 
-def found(published: Sequence[dict[str, Any]], received: Sequence[dict[str, Any]]) -> Messages:
-    account = messages(published, received, SPAN, RATE)
-    assert account is not None
-    return account
+ALL, BOTH = [[900, 2600]], [line(3.0, [900, 1500]), line(5.0, [1450, 2600], node="/p_new")]
+DROPPED = [
+    line(at, numbers, duplicates=count)
+    for at, numbers, count in (
+        (1.9, [900, 999], 5), (2.9, [1000, 1450], 7), (3.9, [1451, 2100], 7), (4.9, [2101, 2600], 90),
+    )
+]  # fmt: skip
+ANEW = [line(2.5, [900, 1250], duplicates=40), line(3.5, [1251, 2600], duplicates=3, resumed_from=1250)]
+GAP, NOT_SENT = (
+    [line(3.0, [900, 1399]), line(5.0, [1403, 2600], resumed_from=1399)],
+    [line(5.0, [900, 1199], [1300, 2600])],
+)
 
 
-def test_lost_is_what_nobody_received_of_what_anybody_published() -> None:
-    published = [line(3.0, [900, 1500]), line(5.0, [1450, 2600], node="/p_new")]
-    received = [line(3.0, [900, 1399]), line(5.0, [1403, 2600], version="1.1", resumed_from=1399)]
-    account = found(published, received)
-    assert (account.sent, account.lost, account.lost_ranges) == (1000, 3, [[1400, 1402]])
-    assert account.not_sent == 0
-
-
-def test_a_message_that_only_one_of_two_versions_received_is_not_lost() -> None:
-    published = [line(5.0, [900, 2600])]
-    received = [line(3.0, [900, 1500]), line(5.0, [1400, 2600], node="/s_new")]
-    account = found(published, received)
-    assert (account.lost, account.duplicates) == (0, 101)
-
-
-def test_loss_outside_of_the_span_does_not_count() -> None:
-    published = [line(5.0, [900, 2600])]
-    received = [line(5.0, [900, 950], [990, 1999], [2200, 2600])]
-    account = found(published, received)
-    assert account.lost == 0
-
-
-def test_what_nobody_published_is_not_lost_but_said() -> None:
-    published = [line(5.0, [900, 1199], [1300, 2600])]
-    account = found(published, published)
-    assert (account.sent, account.lost, account.not_sent) == (900, 0, 100)
+@pytest.mark.parametrize(
+    ("published", "received", "counts"),
+    [
+        (BOTH, GAP, (1000, 3, 0, 0)),  # what nobody received of what anybody published
+        ([line(5.0, *ALL)], [line(3.0, [900, 1500]), line(5.0, [1400, 2600], node="/new")], (1000, 0, 0, 101)),
+        ([line(5.0, *ALL)], [line(5.0, [900, 950], [990, 1999], [2200, 2600])], (1000, 0, 0, 0)),  # out of the span
+        (NOT_SENT, NOT_SENT, (900, 0, 100, 0)),
+        ([line(5.0, *ALL)], DROPPED, (1000, 0, 0, 2)),  # what a process dropped counts once, and within the span
+        ([line(5.0, *ALL)], ANEW, (1000, 0, 0, 43)),  # one that was started again counts from nothing
+    ],
+)
+def test_what_became_of_the_messages_of_a_span(published: Any, received: Any, counts: tuple[int, ...]) -> None:
+    found = messages(published, received, SPAN, RATE)
+    assert found is not None
+    assert (found.sent, found.lost, found.not_sent, found.duplicates) == counts
+    assert found.lost_ranges == ([[1400, 1402]] if found.lost else [])
+    assert processes(ANEW) == 2
 
 
 @pytest.mark.parametrize(
@@ -69,64 +68,38 @@ def test_a_log_that_does_not_cover_the_span_gives_no_figures(
     assert messages([line(5.0, *published)], [line(5.0, *received)], SPAN, RATE) is None
 
 
-def test_duplicates_that_a_process_dropped_count_once_and_only_within_the_span() -> None:
-    published = [line(5.0, [900, 2600])]
-    received = [
-        line(1.9, [900, 999], duplicates=5),
-        line(2.9, [1000, 1450], duplicates=7),
-        line(3.9, [1451, 2100], duplicates=7),
-        line(4.9, [2101, 2600], duplicates=90),
-    ]
-    account = found(published, received)
-    assert account.duplicates == 2
-
-
-def test_a_process_that_was_started_again_counts_its_duplicates_from_nothing() -> None:
-    published = [line(5.0, [900, 2600])]
-    received = [
-        line(2.5, [900, 1250], duplicates=40),
-        line(3.5, [1251, 2600], duplicates=3, resumed_from=1250),
-    ]
-    account = found(published, received)
-    assert account.duplicates == 43
-    assert processes(received) == 2
-
-
 def test_what_own_queues_dropped_is_told_apart() -> None:
     received = [line(1.9, stream_gaps=4), line(2.9, stream_gaps=6), line(3.9, stream_gaps=6), line(4.9, stream_gaps=9)]
     assert dropped_by_queues(received, SPAN) == 2
     assert dropped_by_queues([line(2.9)], SPAN) is None
 
 
-def test_the_gap_is_the_longest_of_a_process_that_reported_within_the_span() -> None:
-    received = [
-        line(1.5, [900, 1000], longest_gap_ms=400.0),
-        line(3.0, [1001, 1500], longest_gap_ms=12.5),
-        line(4.5, [1501, 2250], longest_gap_ms=30.0),  # covers 3.5 to 4.5
-        line(6.0, [2251, 3000], longest_gap_ms=900.0),
-    ]
-    assert gap_ms(received, SPAN, RATE) == 30.0
+REPORTED = [
+    line(1.5, [900, 1000], longest_gap_ms=400.0),
+    line(3.0, [1001, 1500], longest_gap_ms=12.5),
+    line(4.5, [1501, 2250], longest_gap_ms=30.0),  # covers 3.5 to 4.5
+    line(6.0, [2251, 3000], longest_gap_ms=900.0),
+]
+TWO = [line(3.0, [900, 1500], longest_gap_ms=4.0), line(4.5, [1600, 2250], longest_gap_ms=4.0, resumed_from=1500)]
 
 
-def test_the_gap_between_two_processes_is_what_neither_received() -> None:
-    received = [
-        line(3.0, [900, 1500], longest_gap_ms=4.0),
-        line(4.5, [1600, 2250], longest_gap_ms=4.0, resumed_from=1500),
-    ]
-    assert gap_ms(received, SPAN, RATE) == 200.0  # 99 missing: 100 periods of 2 ms from one message to the next
-
-
-def test_no_line_within_the_span_is_no_gap_of_nothing() -> None:
-    assert gap_ms([line(9.0, [1, 2], longest_gap_ms=1.0)], SPAN, RATE) is None
+@pytest.mark.parametrize(
+    ("received", "gap"),
+    [
+        (REPORTED, 30.0),  # the longest of a process that reported within the span
+        (TWO, 200.0),  # what neither received: 99 missing are 100 periods of 2 ms from one message to the next
+        ([line(9.0, [1, 2], longest_gap_ms=1.0)], None),
+    ],
+)
+def test_the_gap(received: Sequence[dict[str, Any]], gap: float | None) -> None:
+    assert gap_ms(received, SPAN, RATE) == gap
 
 
 def test_ranges() -> None:
-    assert clip([[1, 5], [8, 9]], 4, 8) == [[4, 5], [8, 8]]
-    assert count([[4, 5], [8, 8]]) == 3
+    assert count(clip([[1, 5], [8, 9]], 4, 8)) == 3
     assert minus([[1, 10], [5, 12]], [[3, 4], [11, 11]]) == [[1, 2], [5, 10], [12, 12]]
     assert minus([[1, 3]], []) == [[1, 3]]
-    assert minus([[1, 3]], [[0, 9]]) == []
-    assert minus([], [[0, 9]]) == []
+    assert minus([[1, 3]], [[0, 9]]) == minus([], [[0, 9]]) == []
 
 
 def test_percentile_lies_between_neighbours() -> None:

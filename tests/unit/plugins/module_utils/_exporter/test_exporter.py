@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gzip
+import time
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ def made() -> Exporter:
     """One of which no thread runs."""
     found = Exporter("http://127.0.0.1:9/", {**OPTIONS, "--updates": "/nonexistent"}, print)
     found.poller.snapshot = Snapshot(GraphMetrics(True, {"/n": True}), {}, 3, 0.1, 5.0)
+    found.poller.ended = time.monotonic()
     return found
 
 
@@ -30,22 +32,15 @@ def test_a_scrape(made: Exporter) -> None:
     assert (gzip.decompress(zipped.body), zipped.headers) == (plain.body, {"Content-Encoding": "gzip"})
 
 
-def test_a_scrape_is_what_the_graph_is_looked_at_for(made: Exporter) -> None:
-    assert not made.poller.is_wanted()
-    assert made.pages[HEALTHY](Asked("GET", HEALTHY)).status == 200
-    assert not made.poller.is_wanted()
-    made.pages[PATH](Asked("GET", PATH))
-    assert made.poller.is_wanted()
-
-
-def test_polls_that_do_not_end_are_seen(made: Exporter, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_looks_that_do_not_end_are_seen(made: Exporter) -> None:
     def health() -> int:
         return made.pages[HEALTHY](Asked("GET", HEALTHY)).status
 
-    made.poller.last -= observer.STUCK + made.poller.interval
+    assert (health(), made.poller.due.is_set()) == (200, False)  # nobody is asked because of that
+    made.pages[PATH](Asked("GET", PATH))
+    assert (health(), made.poller.due.is_set()) == (200, True)
+    made.poller.asked -= observer.STUCK
     assert health() == 503
-    monkeypatch.setattr(made.poller, "asleep", True)
-    assert health() == 200
 
 
 def test_claims_are_shown_where_they_are_looked_at(tmp_path: Any) -> None:

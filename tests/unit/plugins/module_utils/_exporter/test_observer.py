@@ -6,17 +6,21 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import (
     CALLER,
+    Errand,
     Observer,
     Poller,
     own_connections,
-    too_near,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import GraphMetrics
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded, until
 
@@ -129,6 +133,18 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
     assert (made.snapshot.ros.nodes["/good"], time.monotonic() - began < 2) == (True, True)
 
 
+def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(observer, "greet", lambda service, *_: {"/up": {}}[service])
+    monkeypatch.setattr(observer, "subscribe_status", lambda action, *_: nullcontext({"/idle": ()}[action]))
+    monkeypatch.setattr(observer, "read_states", lambda read: read)
+    services = (("/up", "rosrpc://n:1"), ("/mute", "rosrpc://n:2"), ("/unknown", RosError("no address")))
+    found = Observer("http://127.0.0.1:9/", 0.5).ask_node(
+        Errand("/n", peers.api("n", node()), services, ("/idle", "/broken"))
+    )
+    assert found.services == {"/up": True, "/mute": False, "/unknown": False}
+    assert (found.actions, found.errors) == ({"/idle": ()}, ("malformed", "fault", "malformed"))
+
+
 def test_our_own_connections() -> None:
     assert own_connections([[4, CALLER, "o", "TCPROS", "/a", True], [5, "/b", "o", "TCPROS", "/a", True]]) == (4,)
     for nonsense in (None, 7, [7], [[]], [[1]]):
@@ -138,63 +154,49 @@ def test_our_own_connections() -> None:
 # --- again and again --------------------------------------------------------------------------------------------------
 
 
-def running(tell: Callable[[str], None]) -> Poller:
-    """Of a master that is not there, every hundredth of a second."""
-    made = polls("http://127.0.0.1:9/", 0.5, tell)
-    made.interval = 0.01
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The poller's, which stands still."""
+    at = [1000.0]
+    monkeypatch.setattr(observer, "time", SimpleNamespace(monotonic=lambda: at[0], time=time.time))
+    return at
+
+
+def looked(made: Poller) -> GraphMetrics:
+    """What a scrape shows; the look that follows it has ended."""
+    shown = made.scraped()
+    until(lambda: not made.due.is_set())
+    return shown.ros
+
+
+def test_a_look_follows_each_scrape_and_is_shown_by_the_next_one(clock: list[float]) -> None:
+    made = polls("http://127.0.0.1:9/", 0.5)
     made.start()
-    until(lambda: made.asleep)
-    return made
+    assert (made.snapshot.polls, looked(made).master) == (0, None)
+    for number in range(1, 4):
+        clock[0] += made.interval
+        assert (looked(made).master, made.snapshot.polls) == (False, number + 1)
+    clock[0] += made.interval / 2 - 0.1  # another one who scrapes
+    assert (looked(made).master, made.snapshot.polls) == (False, 4)
+    clock[0] += 0.1
+    assert (looked(made).master, made.snapshot.polls) == (False, 5)
+    clock[0] += observer.FRESH  # what was seen then may not be so any more
+    assert looked(made).master is None
+    clock[0] += made.interval
+    assert looked(made).master is False
 
 
-def test_nobody_is_asked_until_somebody_scrapes_nor_once_nobody_does_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = running(lambda _line: None)
-    assert made.snapshot.polls == 0
-    made.scraped()
-    until(lambda: made.snapshot.ros.master is False and made.snapshot.polls > 2)
-    monkeypatch.setattr(observer, "WANTED", 0.05)
-    until(lambda: made.asleep)
-    polled = made.snapshot.polls
-    # what was seen then may not be so any more
-    assert (made.snapshot.ros.master, made.snapshot.ros.nodes, made.healthy()) == (None, {}, True)
-    time.sleep(0.05)
-    assert made.snapshot.polls == polled
-    monkeypatch.setattr(observer, "WANTED", 60.0)
-    made.scraped()
-    until(lambda: made.snapshot.polls > polled)
-
-
-def test_a_mistake_of_ours_is_told_once_and_the_next_poll_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mistake_of_ours_is_told_once_and_the_next_look_goes_on(
+    clock: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
     said: list[str] = []
-    made = running(said.append)
-    tries, look = [0], made._look
-
-    def bad() -> Any:
-        tries[0] += 1
-        return look() if tries[0] > 5 else {}["missing"]
-
-    monkeypatch.setattr(made, "_look", bad)
-    made.scraped()
-    until(lambda: made.snapshot.polls > 2)
-    assert said == ["no metrics of the graph: KeyError: 'missing'"]
-
-
-@pytest.mark.parametrize(
-    ("at", "near"), [(100.1, True), (101.4, True), (101.6, False), (105, False), (108.4, False), (108.6, True)]
-)
-def test_polls_keep_away_from_scrapes(at: float, near: bool) -> None:
-    assert too_near(100, 110, at, 10) is near
-
-
-def test_one_shift_is_enough() -> None:
-    """Scrapes every ten seconds, as the polls, at whatever time: after one shift they are not near again."""
-    for tenth in range(100):
-        scrape, last, due, shifts = 100 + tenth / 10, 100.0, 110.0, 0
-        for _round in range(5):
-            if too_near(last, due, scrape, 10):
-                shifts += 1
-                due += 3
-            while due <= scrape + 10:
-                last, due = due, due + 10
-            scrape += 10
-        assert shifts <= 1, tenth
+    made = polls("http://127.0.0.1:9/", 0.5, said.append)
+    made.start()
+    with monkeypatch.context() as broken:
+        broken.setattr(made, "_look", lambda: dict[str, Any]()["missing"])
+        for _scrape in range(3):
+            clock[0] += made.interval
+            looked(made)
+    clock[0] += made.interval
+    looked(made)
+    assert (made.snapshot.polls, said) == (1, ["no metrics of the graph: KeyError: 'missing'"])

@@ -10,10 +10,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import (
-    claim_families,
-    families,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import claim_families, families
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
     FORGET_POLLS,
     GraphMetrics,

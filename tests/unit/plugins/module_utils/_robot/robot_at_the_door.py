@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import Door
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.holds import Holds
@@ -27,7 +27,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import live, pod, version
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import Api, live, pod, version
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 CHECKOUT = Path(__file__).resolve().parents[5]
@@ -77,16 +77,15 @@ class Ears:
         Ears.open -= 1
 
 
-class World:
+class World(Api):
     """Stands for the keeper's cluster, its graph, its calls and its files."""
 
-    home, timeout, caller, uri = SPACE, 2.0, "/ros_keeper", "http://master:11311"
+    timeout, caller, uri = 2.0, "/ros_keeper", "http://master:11311"
 
     def __init__(self) -> None:
+        super().__init__(SPACE)
         self.at, self.begin = 5000.0, MIDNIGHT + 3600.0
-        self.leases_now: dict[str, dict[str, Any]] = {}
-        self.number = 10
-        self.away = self.master_away = False
+        self.master_away = False
         self.maps = {item["metadata"]["name"]: item for item in rest_maps(INVENTORY)}
         self.there = {app: live(version(app, 2, SPACE, f"/{app}"), marked=False, ready=True) for app in ("arm", "base")}
         self.servers = dict(SERVERS)
@@ -94,7 +93,6 @@ class World:
         self.waiting: dict[str, int] = {}  # that are held
         self.held_until: dict[str, float] = {}
         self.values = dict(VALUES)
-        self.files: dict[str, Any] = {}
         self.sleeps: Callable[[], None] = lambda: None
         self.looks = self.at
         self.start()
@@ -128,44 +126,19 @@ class World:
 
     # ---- the cluster
 
-    def _ask(self) -> None:
-        if self.away:
-            raise KubeError("nothing listens")
-
-    def namespaces(self) -> list[str]:
-        return [SPACE]
-
-    def leases(self) -> dict[str, dict[str, Any] | None]:
-        self._ask()
-        return {SPACE: self.leases_now.get(SPACE)}
-
-    def lease(self, namespace: str, newest: bool = False) -> dict[str, Any] | None:  # noqa: ARG002 - all is new here
-        self._ask()
-        return self.leases_now.get(namespace)
-
-    def write_lease(self, namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
-        self._ask()
-        there = self.leases_now.get(namespace, {"metadata": {}})
-        if there["metadata"].get("resourceVersion") != body["metadata"].get("resourceVersion"):
-            return None
-        self.number += 1
-        made = {**body, "metadata": {**body["metadata"], "resourceVersion": str(self.number)}}
-        self.leases_now[namespace] = made
-        return made
-
     def deployments(self, _namespace: str) -> list[dict[str, Any]]:
-        self._ask()
+        self._ask("")
         return [*self.there.values()]
 
     def deployment(self, _namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask()
+        self._ask("")
         return self.there.get(name)
 
     def pods(self, _namespace: str) -> list[dict[str, Any]]:
         return [pod("arm", 2, "10.42.0.1"), pod("base", 2, "10.42.0.2")]
 
     def config_map(self, _namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask()
+        self._ask("")
         return self.maps.get(name)
 
     def apply(self, *_: Any) -> None:
@@ -229,14 +202,6 @@ class World:
     def held(self) -> dict[str, Any]:
         self.pass_on()
         return {action: {} for action in self.held_until}
-
-    # ---- files
-
-    def load(self, part: str) -> Any:
-        return self.files.get(part)
-
-    def save(self, part: str, content: Any) -> None:
-        self.files[part] = json.loads(json.dumps(content))
 
     # ---- the API server, which leads to the door
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Member, member_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 
@@ -74,6 +75,52 @@ def pod(
         "spec": {},
         "status": {"podIP": address, "containerStatuses": [{"name": "ros-app", "state": state, "lastState": last}]},
     }
+
+
+class Api:
+    """A keeper's cluster as far as all that watch it read it, and its files. A test takes it away."""
+
+    def __init__(self, *spaces: str) -> None:
+        self.spaces, self.home = [*spaces], spaces[0]
+        self.leases_now: dict[str, dict[str, Any]] = {}
+        self.number, self.away = 10, False
+        self.requests: list[str] = []
+        self.done: list[str] = []
+        self.files: dict[str, Any] = {}
+
+    def _ask(self, what: str) -> None:
+        self.requests.append(what)
+        if self.away:
+            raise KubeError("nothing listens")
+
+    def namespaces(self) -> list[str]:
+        return self.spaces
+
+    def leases(self) -> dict[str, dict[str, Any] | None]:
+        self._ask("leases")
+        return {name: self.leases_now.get(name) for name in self.spaces}
+
+    def lease(self, namespace: str, newest: bool = False) -> dict[str, Any] | None:  # noqa: ARG002 - all is new here
+        self._ask("lease")
+        return self.leases_now.get(namespace)
+
+    def write_lease(self, namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        self._ask("write lease")
+        there = self.leases_now.get(namespace, {"metadata": {}})
+        if there["metadata"].get("resourceVersion") != body["metadata"].get("resourceVersion"):
+            return None
+        self.number += 1
+        made = {**body, "metadata": {**body["metadata"], "resourceVersion": str(self.number)}}
+        self.leases_now[namespace] = made
+        self.done.append(f"lease {body['spec']['holderIdentity'] or 'free'}")
+        return made
+
+    def load(self, part: str) -> Any:
+        return self.files.get(part)
+
+    def save(self, part: str, content: Any) -> bool:
+        self.files[part] = json.loads(json.dumps(content))
+        return True
 
 
 def lease(holder: str, number: int = 1, seconds: int = 15) -> dict[str, Any]:

@@ -96,7 +96,7 @@ def test_a_mark_comes_off_with_what_is_beside_it(
     assert server.find(f"{DEPLOYMENTS}/camera")["metadata"]["annotations"] == {**own, **left}
 
 
-def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster) -> None:
+def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster, server: Server) -> None:
     first = cluster.write_lease(SPACE, lease_with(KEEPER, NOBODYS, KEEPER, 15, "T"))
     assert first is not None
     assert cluster.write_lease(SPACE, lease_with(KEEPER, NOBODYS, KEEPER, 15, "T")) is None
@@ -105,11 +105,7 @@ def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster) -> None:
     assert second["spec"]["holderIdentity"] == ""
     assert cluster.write_lease(SPACE, lease_with(KEEPER, first, KEEPER, 15, "T")) is None
     assert cluster.lease(SPACE, newest=True) == second
-
-
-def test_a_lease_that_decides_is_not_an_older_one(cluster: Cluster, server: Server) -> None:
-    cluster.lease(SPACE, newest=True)
-    assert server.seen()[1] == {}
+    assert server.seen()[1] == {}  # one that decides is not an older one
 
 
 def test_it_evicts_this_very_pod_and_says_so(cluster: Cluster, server: Server) -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import errno
 import threading
 import time
 from collections.abc import Iterator
@@ -58,11 +57,15 @@ class Stage:
         node = Slave(KEEPER, "127.0.0.1", 0, self.master.uri)
         self.nodes.append(node)
         ros = Registrar(self.master.uri, 2.0, KEEPER)
-        made = forwarding.GoalForwarding(ros, node, self.record.append, self.said.append, self.stays)
+        made = forwarding.GoalForwarding(ros, node, self.write, self.said.append, self.stays)
         node.register(made.calls)
         made.resume(self.record[-1] if self.record else [])
         node.start()
         return made
+
+    def write(self, content: Any) -> bool:
+        self.record.append(content)
+        return True
 
     def stays(self, action: str, server: str) -> bool:
         self.asked.append((action, server))
@@ -213,37 +216,29 @@ def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: py
     full, write = [True], stage.keeper.write
     tried: list[Any] = []
 
-    def no_space(content: Any) -> None:
+    def no_space(content: Any) -> bool:
         tried.append(content)
-        if full:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        write(content)
+        return not full and write(content)
 
     stage.keeper.write = no_space
     assert stage.keeper.hold(ACTION, SERVER, 60.0) == [1, "", 1]
     stage.client.send("one")
     until(lambda: stage.held() == ["one"])
     assert handed_over(stage).got == ["one"]
-    told = [line for line in stage.said if "not on record" in line]
-    assert len(told) == 1
-    assert "No space left on device" in told[0]
     assert stage.record == []
     until(lambda: tried[-5:] == [[]] * 5)  # that it is all over is owed, too
     full.clear()
     until(lambda: stage.record == [[]])
-    assert stage.said[-1] == "what is held is on record again"
 
 
 def test_a_look_that_fails_ends_no_hold(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     hold_one(stage)
-
-    def broken(_now: float) -> Any:
-        raise MemoryError("no more")
-
-    one = stage.keeper.forwarders[ACTION]
-    with monkeypatch.context() as broken_look:
-        broken_look.setattr(one, "sight", broken)
-        until(lambda: "goals of /work: error: MemoryError: no more" in stage.said)
+    with monkeypatch.context() as broken:
+        broken.setattr(stage.keeper.forwarders[ACTION], "sight", lambda _now: dict[str, Any]()["it"])
+        until(lambda: "goals of /work: error: KeyError: 'it'" in stage.said)
+    stage.master.away = True
+    until(lambda: any("the master is away" in line for line in stage.said))
+    stage.master.away = False
     assert handed_over(stage).got == ["one"]
 
 
@@ -267,14 +262,6 @@ def test_the_seconds_to_go_are_on_record_although_nothing_happens(
     stage.keeper.hold(ACTION, SERVER, 60.0)
     first = stage.record[-1][0]["seconds"]
     until(lambda: stage.record[-1][0]["seconds"] < first - 0.05)
-
-
-def test_a_master_that_is_away_for_a_moment(stage: Stage) -> None:
-    hold_one(stage)
-    stage.master.away = True
-    until(lambda: any("the master is away" in line for line in stage.said))
-    stage.master.away = False
-    assert handed_over(stage).got == ["one"]
 
 
 def test_a_client_that_hangs_is_told_and_holds_up_nobody(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,10 +102,7 @@ class Ros:
 
     def snapshot(self, _state: MasterState | None = None) -> dict[str, Entry]:
         self.snapshots += 1
-        return {
-            node: Entry(entry.uri, None, entry.publications, entry.subscriptions, entry.services)
-            for node, entry in self.entries.items()
-        }
+        return {node: replace(entry, pid=None) for node, entry in self.entries.items()}
 
     def ask(self, entries: Mapping[str, Entry], _timeout: float, own_word: bool = True) -> dict[str, Liveness]:
         return {node: self._says(node, own_word) for node in entries}
@@ -143,7 +140,7 @@ class Bench:
     def start(self) -> Keeper:
         self.keeper = Keeper(
             self.ros,  # type: ignore[arg-type]
-            KeptFiles(str(self.directory)),
+            KeptFiles(str(self.directory), self.said.append),
             self.said.append,
             lambda: self.at + self.ros.took,
         )
@@ -163,8 +160,7 @@ class Bench:
             self.step()
 
     def registered(self) -> dict[str, Entry]:
-        return {node: Entry(one.uri, None, one.publications, one.subscriptions, one.services)
-                for node, one in self.ros.entries.items()}  # fmt: skip
+        return {node: replace(one, pid=None) for node, one in self.ros.entries.items()}
 
 
 @pytest.fixture
@@ -182,7 +178,7 @@ def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> Non
 
 def test_its_clock_is_one_that_nobody_sets(tmp_path: Path) -> None:
     """One that is set back would keep it from looking at parameters and nodes until it has caught up."""
-    assert Keeper(Ros(), KeptFiles(str(tmp_path)), print).now is time.monotonic  # type: ignore[arg-type]
+    assert Keeper(Ros(), KeptFiles(str(tmp_path), print), print).now is time.monotonic  # type: ignore[arg-type]
 
 
 def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench) -> None:
@@ -251,14 +247,13 @@ def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> N
 
 
 def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(bench: Bench) -> None:
-    held = [True]
-    bench.keeper.held = lambda: held[0]
+    bench.keeper.held = lambda: True
     while bench.at - 1000 < QUIET:
         assert bench.step() == LOOK
     assert bench.step(REST) == REST
-    held[0] = False
+    bench.keeper.held = lambda: False
     assert bench.step() == LOOK
-    held[0] = True
+    bench.keeper.held = lambda: True
     bench.ros.entries["/third"] = bench.ros.nodes["/third"] = Entry("http://x:1/", 9, {"/more": "std_msgs/String"})
     assert [bench.step() for _look in range(2)] == [LOOK, LOOK]
     bench.steps(QUIET)

@@ -59,7 +59,7 @@ class Stage:
         made = LatchedTopics(
             Registrar(self.master.uri, 2.0, KEEPER),
             node,
-            KeptFiles(str(self.directory)),
+            KeptFiles(str(self.directory), self.said.append),
             self.said.append,
             lambda: self.at,
         )

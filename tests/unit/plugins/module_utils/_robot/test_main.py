@@ -18,10 +18,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.clu
     environment,
     start_server,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import (
-    SPACE,
-    rosops_may,
-)
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import SPACE, rosops_may
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from pod_code import write_code
 

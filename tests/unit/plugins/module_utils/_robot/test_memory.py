@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import xmlrpc.client
+from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import (
@@ -72,6 +73,7 @@ def test_the_earlier_provider_of_a_service_is_remembered() -> None:
     due = it.lost(left, 3.0)
     calls = it.settle(due, left, {"/old": YES})
     assert [call.request[0] for call in calls] == ["registerService"]
+    assert it.nodes["/old"].publications == ENTRY.publications  # that was never lost
 
 
 def test_a_newer_process_takes_the_name() -> None:
@@ -151,10 +153,11 @@ def test_the_very_same_process_comes_back() -> None:
     assert it.removed == {}
 
 
-def test_the_record(tmp_path: object) -> None:
+def test_the_record(tmp_path: Path) -> None:
     it = memory(n=ENTRY, m=Entry(OTHER, None, {"/a": "x/A"}))
     it.bury("/m", 3.0)
-    record = KeptFiles(str(tmp_path))
+    said: list[str] = []
+    record = KeptFiles(str(tmp_path / "record"), said.append)
     assert from_dict(record.load("registrations"), 50.0) == Memory()
     record.save("registrations", it.as_dict())
     back = from_dict(record.load("registrations"), 50.0)
@@ -165,6 +168,11 @@ def test_the_record(tmp_path: object) -> None:
     (record.directory / "registrations.json").write_text('{"nodes":')
     assert from_dict(record.load("registrations"), 50.0) == Memory()
     assert json.loads(json.dumps(it.as_dict())) == it.as_dict()
+    (record.directory / ".goals.new").mkdir()  # as a disk that is full
+    assert [record.save("goals", number) for number in range(2)] == [False, False]
+    (record.directory / ".goals.new").rmdir()
+    assert [record.save("goals", number) for number in range(2)] == [True, True]
+    assert [line.partition(" record")[0] for line in said] == ["goals: not on", "goals: on"]
 
 
 # ---- parameters

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from itertools import count
 from typing import Any, cast
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import State
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
@@ -137,6 +137,7 @@ class Scene:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
+        self.snapshots = 0
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.registered: dict[str, Entry] | None = {OWN: Entry(URI)}
@@ -146,6 +147,7 @@ class Scene:
             def __init__(self, *_: Any) -> None: ...
 
             def snapshot(self) -> dict[str, Entry]:
+                scene.snapshots += 1
                 if scene.registered is None:
                     raise RosError("the master is away")
                 return scene.registered
@@ -158,6 +160,8 @@ class Scene:
             def __getattr__(self, what: str) -> Any:
                 return lambda _seconds: scene.done.append((what, self.name))
 
+        places = {OWN: URI}  # all others are elsewhere
+        self.world.addresses = lambda names: ({name: places.get(name, "http://h:1/") for name in names}, {})  # type: ignore[attr-defined]
         monkeypatch.setattr(readiness, "Ros1Client", lambda *_: self.world)
         monkeypatch.setattr(readiness, "Registrar", Registrar)
         monkeypatch.setattr(readiness, "OwnNode", OwnNode)
@@ -180,6 +184,14 @@ class Scene:
 
     def owe(self, **changes: Any) -> None:
         self.api.record = {"data": {"contract.json": json.dumps({**contract(**changes).as_dict(), "run": "1"})}}
+
+
+NUMBERS = count()
+
+
+def master_away(types: bool = False) -> Any:
+    """With another reason each time."""
+    raise RosError(f"away {next(NUMBERS)} {types}")
 
 
 @pytest.fixture
@@ -220,13 +232,7 @@ def test_what_waiting_cannot_mend_is_told_at_once(scene: Scene) -> None:
 
 def test_the_reason_changes_once_a_second_at_most(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     scene.owe()
-    words = iter(f"away {number}" for number in range(1000))
-
-    def away(types: bool = False) -> Any:
-        del types
-        raise RosError(next(words))
-
-    monkeypatch.setattr(scene.world, "state", away)
+    monkeypatch.setattr(scene.world, "state", master_away)
     scene.soon = [(4.05, lambda: scene.gates.pods.clear())]
     scene.gates.take(pod())
     assert len(scene.api.conditions) in (4, 5)
@@ -263,42 +269,48 @@ def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
 
 
 def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene: Scene) -> None:
-    scene.registered = {OWN: Entry(URI), "/talker_00000000": Entry("http://127.0.0.9:1/"), "/x": Entry("http://h:1/")}
+    scene.registered = {OWN: Entry(URI), "/talker_00000000": Entry("http://127.0.0.9:1/"), "/x": Entry("http://[")}
     old = pod("old", says="c1", address="127.0.0.9")
     scene.gates.take(old)
     scene.gates.take(pod("gone", address="127.0.0.8", ends=True))
+    scene.gates.take(pod("third", says="c1", address=""))
     scene.done.clear()
+    scene.snapshots = 0
     scene.gates.take(pod())
     assert scene.done == [("keep_latched", "/talker_00000000")]
+    assert scene.snapshots == 1  # of the master, however many pods the app has
     scene.gates.take({**old, "metadata": {**old["metadata"], "deletionTimestamp": "T"}})
     steps = ["unregister", "forget", "shut_down"]
     assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
 
 
 def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
-    scene.gates.take(pod(says="c1", ends=True))
-    assert [step for step, _node in scene.done] == ["keep_latched", "unregister", "forget", "shut_down"]
-    scene.gates.take(pod(says="c1", ends=True))
-    assert len(scene.done) == 8  # a second event finds nothing left, as the real node is gone
-
-
-def test_without_a_master_the_node_that_was_seen_is_ended(scene: Scene) -> None:
+    steps = ["keep_latched", "unregister", "forget", "shut_down"]
     scene.gates.take(pod())
-    scene.registered = None
-    scene.done.clear()
+    for _event in range(2):  # a second one finds nothing left, as the real node is gone
+        scene.gates.take(pod(says="c1", ends=True))
+    assert [step for step, _node in scene.done] == steps * 2
+    scene.registered = None  # without a master the node that was seen is ended
     scene.gates.take(pod(says="c1", ends=True))
-    assert [step for step, _node in scene.done] == ["keep_latched", "unregister", "forget", "shut_down"]
+    assert [step for step, _node in scene.done] == steps * 3
     scene.gates.seen.clear()
-    scene.done.clear()
     scene.gates.take(pod(says="c1", ends=True))
-    assert scene.done == []
+    assert len(scene.done) == 12
 
 
-@pytest.mark.parametrize(("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0)])
+@pytest.mark.parametrize("known", [KNOWN, {**KNOWN, "expect_node": False, "launch": "overlap"}])
+@pytest.mark.parametrize(
+    ("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0), (3.0, None, 0)]
+)
 def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
-    scene: Scene, restarted: float, comes: float, evicted: int
+    scene: Scene, known: dict[str, Any], restarted: float, comes: float | None, evicted: int
 ) -> None:
-    """Not one that only takes its time, nor one that was there before its pod."""
+    """Not one that only takes its time, nor one that was there before its pod, whether a launch file names it or we.
+
+    A master that does not answer says nothing of its nodes.
+    """
+    starting = pod()
+    starting["metadata"]["annotations"][SETTINGS] = json.dumps(known)
     registered = dict(scene.world.publishers)
     scene.world.publishers = {"/in": ["/source"]}
     scene.world.subscribers, scene.world.services = {}, {}
@@ -308,9 +320,11 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
 
     def restart() -> None:
         scene.restarted_at = restarted
+        if comes is None:
+            scene.world.state = master_away  # type: ignore[method-assign]
 
-    scene.soon = [(3.0, restart), (comes, come), (20.0, lambda: scene.gates.pods.clear())]
-    scene.gates.take(pod())
+    scene.soon = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
+    scene.gates.take(starting)
     assert len(scene.api.evicted) == evicted
 
 
@@ -357,9 +371,8 @@ def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.M
     with pytest.raises(StopError):
         scene.gates.run()
     assert asked == ["", "7", "", "", "", "", "8"]
-    assert scene.log == [
-        "readiness of pods: it is away", "error: ValueError: bad", "readiness of pods: the Kubernetes API answers",
-    ]  # fmt: skip
+    told = ["it is away", "ValueError: bad", "the Kubernetes API answers"]
+    assert scene.log == [f"readiness of pods: {words}" for words in told]
     assert scene.at == 3 * readiness.AGAIN
 
 
@@ -388,9 +401,3 @@ def test_what_the_version_before_sends_is_listened_to_once() -> None:
         found = sent(graph, ["/a"]).topic("/out")
         assert (dict(found.rates), found.md5sum, found.latched) == ({old: 9.0}, "aa", (old,))
     assert ros.listened == 1
-
-
-def test_a_node_that_was_found_is_remembered(scene: Scene) -> None:
-    keep = scene.gates.looks(pod()).outside.keep
-    keep(OWN, State(URI, 7, {}))
-    assert scene.gates.seen["new"].uri == URI

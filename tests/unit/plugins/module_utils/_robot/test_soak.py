@@ -43,7 +43,7 @@ def pod(restarts: int = 0, last: dict[str, Any] | None = None, *, waits: bool = 
 
 def step(*pods: dict[str, Any], ready: bool = True, app: str = "camera", **said: Any) -> Step:
     there = live(version(app, 2), marked=False, ready=ready)
-    return Step((member(there, left(version(app, 1), soak=120.0, **{**CONTRACT, **said}), pods),))
+    return Step((member(there, left(version(app, 1), **{"soak": 120.0, **CONTRACT, **said}), pods),))
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_a_reboot_of_its_host_is_no_end_of_the_version(
     last_reboot = max(number for number, last in enumerate(lives) if last and last is not BY_HAND and last is not ERROR)
     for number in range(0 if seen == "each" else last_reboot, len(lives)):
         one = step(pod(number + 3, lives[number]), ends=2)
-        soaking.look([one], 10.0, None)  # type: ignore[arg-type]
-    assert soaking.bad(one) == why
+        (found,) = soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+    assert found.why == why
 
 
 def test_a_step_owes_its_contracts_and_counts_messages_now_and_then() -> None:
@@ -144,30 +144,28 @@ class Looks:
 
 
 def test_it_is_good_once_its_time_is_over_and_its_messages_were_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, soaking, one = Looks(monkeypatch), Soak(), step()
-    for number in range(12):
-        assert not soaking.good(one), number
-        soaking.look([one], 10.0, None)  # type: ignore[arg-type]
-    assert soaking.good(one)
+    looks, soaking = Looks(monkeypatch), Soak()
+    good = [soaking.look([step()], 10.0, None)[0].good for _look in range(12)]  # type: ignore[arg-type]
+    assert good == [False] * 11 + [True]
+    assert not Soak().look([step(soak=10)], 10.0, None)[0].good  # type: ignore[arg-type] # nobody has counted yet
+    looks.rated.pop()
     assert looks.rated == [number % RATED == RATED - 1 for number in range(12)]
 
 
 def test_looks_in_a_row_find_it_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     Looks(monkeypatch, SLOW, SLOW, UP, SLOW, SLOW, SILENT, SLOW)
-    soaking, one, words = Soak(), step(), []
-    for _look in range(7):
-        soaking.look([one], 10.0, None)  # type: ignore[arg-type]
-        words.append(soaking.bad(one))
+    soaking = Soak()
+    seen = [soaking.look([step(soak=50)], 10.0, None)[0] for _look in range(7)]  # type: ignore[arg-type]
     assert LOOKS == 3
-    assert words == [""] * 6 + ["rate /image: 10 Hz of at least 18 Hz"]
-    assert not soaking.good(one)
+    assert [one.why for one in seen] == [""] * 6 + ["rate /image: 10 Hz of at least 18 Hz"]
+    assert not seen[-1].good
 
 
 def test_time_counts_only_while_it_can_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     looks, soaking = Looks(monkeypatch, *[SILENT] * 50), Soak()
     for _look in range(50):
-        soaking.look([step()], 10.0, None)  # type: ignore[arg-type]
-    assert (soaking.steps[step().key].seconds, soaking.bad(step())) == (0.0, "")
+        (seen,) = soaking.look([step()], 10.0, None)  # type: ignore[arg-type]
+    assert (seen.seconds, seen.why) == (0.0, "")
     soaking.look([step(ready=False)], 10.0, None)  # type: ignore[arg-type]
     assert len(looks.rated) == 50  # a pod that is not ready is not asked for anything
 
@@ -175,8 +173,7 @@ def test_time_counts_only_while_it_can_be_seen(monkeypatch: pytest.MonkeyPatch) 
 def test_another_version_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     Looks(monkeypatch)
     soaking, one = Soak(), step()
-    soaking.look([one], 10.0, None)  # type: ignore[arg-type]
-    soaking.look([], 10.0, None)  # type: ignore[arg-type]
-    assert soaking.steps == {}
-    soaking.look([Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
-    assert soaking.bad(one) == "others of its step went back"
+    for steps, seconds in (([one], [10.0]), ([], []), ([one], [10.0])):
+        assert [seen.seconds for seen in soaking.look(steps, 10.0, None)] == seconds  # type: ignore[arg-type]
+    (seen,) = soaking.look([Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
+    assert seen.why == "others of its step went back"

@@ -7,12 +7,13 @@ import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles, Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.open_goals import Staying
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
@@ -28,35 +29,28 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.ste
     NAMESPACE,
     UPDATING,
     WENT_BACK,
+    Api,
     lease,
     left,
     live,
     pod,
     version,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import (
-    launch_graph,
-    launch_step,
-)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import launch_graph, launch_step
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import pod as engine_pod
 
 ACTIVE, SUCCEEDED = 1, 3
 AWAY = KubeError("nothing listens")
 
 
-class World:
+class World(Api):
     """A cluster and a ROS graph; whoever applies something finds it there, not ready yet."""
 
     def __init__(self, *namespaces: str) -> None:
+        super().__init__(*(namespaces or [NAMESPACE]))
         self.at = 5000.0
-        self.spaces = list(namespaces or [NAMESPACE])
         self.there: dict[tuple[str, str], dict[str, Any]] = {}
         self.maps: dict[tuple[str, str], dict[str, Any]] = {}
-        self.leases_now: dict[str, dict[str, Any]] = {}
-        self.number = 10
-        self.away = False
-        self.requests: list[str] = []
-        self.done: list[str] = []
         self.fails: dict[str, Any] = {}  # a Deployment's name -> called when it is applied
         # the graph
         self.state_now = MasterState()
@@ -72,8 +66,6 @@ class World:
         self.answering: set[str] = set()
         self.silence = Silence()
         self.unevictable: list[ApiError] = []  # what an eviction is answered with
-        self.record: dict[str, Any] = {}
-        self.home = self.spaces[0]
         self.watch = self.start()
 
     def start(self) -> StepWatch:
@@ -82,14 +74,6 @@ class World:
 
     def sleep(self, seconds: float) -> None:
         self.at += seconds
-
-    # ---- the record
-
-    def load(self, part: str) -> Any:
-        return self.record.get(part)
-
-    def save(self, part: str, content: Any) -> None:
-        self.record[part] = json.loads(json.dumps(content))
 
     def put(self, deployment: dict[str, Any], record: dict[str, Any], namespace: str = NAMESPACE) -> None:
         name = deployment["metadata"]["name"]
@@ -116,33 +100,6 @@ class World:
         return str(template["metadata"]["labels"]["rosops.fleet/revision"])
 
     # ---- the API
-
-    def _ask(self, what: str) -> None:
-        self.requests.append(what)
-        if self.away:
-            raise AWAY
-
-    def namespaces(self) -> list[str]:
-        return self.spaces
-
-    def leases(self) -> dict[str, dict[str, Any] | None]:
-        self._ask("leases")
-        return {name: self.leases_now.get(name) for name in self.spaces}
-
-    def lease(self, namespace: str) -> dict[str, Any] | None:
-        self._ask("lease")
-        return self.leases_now.get(namespace)
-
-    def write_lease(self, namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
-        self._ask("write lease")
-        there = self.leases_now.get(namespace)
-        if (there or {"metadata": {}})["metadata"].get("resourceVersion") != body["metadata"].get("resourceVersion"):
-            return None
-        self.number += 1
-        body = {**body, "metadata": {**body["metadata"], "resourceVersion": str(self.number)}}
-        self.leases_now[namespace] = body
-        self.done.append(f"lease {body['spec']['holderIdentity'] or 'free'}")
-        return body
 
     def deployments(self, namespace: str) -> list[dict[str, Any]]:
         self._ask("deployments")
@@ -301,24 +258,6 @@ def test_it_rests_where_nobody_takes_a_step_and_none_is_left() -> None:
     assert not world.watch.rests()
 
 
-def test_a_keeper_started_anew_begins_anew() -> None:
-    world = left_alone(ready_timeout=120)
-    world.run(130)
-    world.watch = world.start()
-    world.run(130)
-    assert world.revision("camera") == "rev2"
-    world.run(40)
-    assert world.revision("camera") == "rev1"
-
-
-def test_a_run_that_takes_the_lease_meanwhile_has_it() -> None:
-    world = left_alone(ready_timeout=30)
-    world.before("write_lease", lambda *_: world.take("host 99"))  # right after every look
-    world.leases_now[NAMESPACE] = lease("")
-    world.run(300)
-    assert not [done for done in world.done if done.startswith("apply")]
-
-
 def test_the_apps_of_a_step_go_back_together_though_the_api_goes_in_between() -> None:
     world = World()
     apps = {"apps": ["lidar", "camera"], "ready_timeout": 60}
@@ -391,43 +330,29 @@ def test_whose_goals_cannot_be_read(seen: dict[str, Any], seconds: int) -> None:
     assert world.revision("camera") == "rev1"
 
 
+NEW_NODE, OLD_NODE = "/camera_22222222_5", "/camera_11111111_4"
+
+
 @pytest.mark.parametrize(
-    ("servers", "held"),
+    ("servers", "goals", "held", "revision"),
     [
-        (["/camera_11111111_4", "/camera_22222222_5"], []),  # two of them: nobody can say whose goals they are
-        (["/camera_22222222_5"], [("/dock", "/camera_22222222_5")]),
-        (["/camera_11111111_4"], []),  # the old one works on by itself
+        ([OLD_NODE, NEW_NODE], busy(), [], "rev1"),  # two of them: nobody can say whose goals they are
+        ([NEW_NODE], busy(), [("/dock", NEW_NODE)], "rev1"),
+        ([OLD_NODE], busy(), [], "rev1"),  # the old one works on by itself
+        ([NEW_NODE], busy(ACTIVE), [], "rev2"),
     ],
 )
-def test_nodes_of_overlapping_versions_are_known_in_their_pods(servers: list[str], held: list[tuple[str, str]]) -> None:
+def test_nodes_of_overlapping_versions_are_known_in_their_pods(
+    servers: list[str], goals: StatusReading, held: list[tuple[str, str]], revision: str
+) -> None:
     world = World()
     new, old = version("camera", 2, node="/camera_22222222"), version("camera", 1, node="/camera_11111111")
     world.put(live(new), left(old, actions=["/dock"], ready_timeout=60))
     world.leases_now[NAMESPACE] = lease("host 77")
     world.serve("/dock", *servers)
-    world.goals = {"/camera_11111111_4": busy(ACTIVE), "/camera_22222222_5": busy()}
+    world.goals = {OLD_NODE: busy(ACTIVE), NEW_NODE: goals}
     world.run(200)
-    assert (world.revision("camera"), world.held) == ("rev1", held), world.said
-
-
-def test_a_goal_that_a_new_node_has_in_its_pod_is_waited_for() -> None:
-    """Of an action, too, that the version before had not."""
-    world = World()
-    world.put(live(version("camera", 2, node="/camera_22222222")), left(version("camera", 1), ready_timeout=60))
-    world.leases_now[NAMESPACE] = lease("host 77")
-    world.serve("/dock", "/camera_22222222_5")
-    world.goals = {"/camera_22222222_5": busy(ACTIVE)}
-    world.run(100)
-    assert world.revision("camera") == "rev2"
-
-
-def test_the_old_nodes_goals_are_its_own() -> None:
-    """Overlapping: the old one works on, and is not touched."""
-    world = left_alone(ready_timeout=60)
-    world.serve("/dock", "/camera_1", "/camera_2")
-    world.goals = {"/camera_1": busy(ACTIVE), "/camera_2": busy()}
-    world.run(100)
-    assert (world.revision("camera"), world.held) == ("rev1", [])
+    assert (world.revision("camera"), world.held) == (revision, held), world.said
 
 
 @pytest.mark.parametrize(("address", "back"), [("10.42.0.7", True), ("10.42.0.8", False)])
@@ -520,18 +445,6 @@ def test_a_robot_that_may_not_be_read_keeps_nobody_from_the_others(error: KubeEr
     assert [line for line in world.said if "robot-r1" in line] == [f"robot-r1: {error}"]
 
 
-def test_a_thousand_robots_cost_a_request_each_look_and_a_bad_step_is_seen_as_soon_as_of_one() -> None:
-    world, bad = World("fleet", *(f"robot-r{number}" for number in range(1000))), "robot-r777"
-    world.run(100)
-    assert world.requests.count("leases") == 10
-    assert world.requests.count("deployments") == 1001
-    world.put(live(version("camera", 2, bad)), left(version("camera", 1, bad), ready_timeout=120), bad)
-    world.leases_now[bad] = lease("host 77", 2)
-    world.run(15 + 120 + 2 * LOOK)
-    assert world.revision("camera", bad) == "rev1"
-    assert world.requests.count("deployments") < 1001 + 20
-
-
 # ---- what came up once
 
 
@@ -570,10 +483,20 @@ def test_what_cannot_be_read_is_no_fault_of_a_version_that_came_up() -> None:
 
 def test_what_is_not_marked_any_more_is_forgotten() -> None:
     world = came_up()
-    assert list(world.record["steps"]) == [NAMESPACE]
+    assert list(world.files["steps"]) == [NAMESPACE]
     world.there[NAMESPACE, "camera"] = live(version("camera", 2), marked=False)
     world.run(20)
-    assert world.record["steps"] == {}
+    assert world.files["steps"] == {}
+
+
+def test_a_full_disk_keeps_no_step_from_going_back(tmp_path: Path) -> None:
+    world = left_alone(ready_timeout=60)
+    world.put(live(version("lidar", 2), ready=True), left(version("lidar", 1)))
+    world.watch.kept = KeptFiles(str(tmp_path / "full"), world.said.append)
+    world.watch.kept.directory.rmdir()
+    world.run(150)
+    assert world.revision("camera") == "rev1"
+    assert [line.partition(":")[0] for line in world.said] == ["steps", NAMESPACE]
 
 
 # ---- the Lease while it goes back

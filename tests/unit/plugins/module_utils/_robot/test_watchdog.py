@@ -183,7 +183,7 @@ def test_a_goal_that_begins_while_the_lease_is_taken_is_waited_for_too() -> None
 
 def test_a_node_that_answers_by_then_stays() -> None:
     world = hanging()
-    world.answering.add("/camera")
+    world.before("write_lease", lambda *_: world.answering.add("/camera"))
     world.run(LOOK)
     assert world.done == ["lease ros-keeper", "lease free"]
     assert world.said == [f"{NAMESPACE}/camera: node /camera answers again"]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import Rest, rest_of
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import RestRules, rest_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.windows import Windows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -25,7 +25,7 @@ def test_it_reads_what_the_inventory_says_with_full_names() -> None:
     assert (item["metadata"]["name"], item["metadata"]["namespace"]) == ("robot-rest", "robot-robot-1")
     battery, steered = {"topic": "/battery", "quiet": 1.0}, {"topic": "/robot_1/cmd_vel", "quiet": 3.0}
     arm = ("/robot_1/move", "/robot_1/arm/tune")
-    assert rest_of(item, "arm") == Rest("/robot_1", Windows([], "UTC", []), (battery,), arm)  # type: ignore[arg-type]
+    assert rest_of(item, "arm") == RestRules("/robot_1", Windows([], "UTC", []), (battery,), arm)  # type: ignore[arg-type]
     assert rest_of(item, "gui").when == (battery, steered)
     assert (rest_of(item, "").when, rest_of(item, "").idle) == ((battery, steered), (*arm, "/dock"))
     with pytest.raises(Exception, match="there is no app map; there are arm, gui"):

@@ -84,8 +84,9 @@ class SimulatedKeeper:
     def load(self, part: str) -> Any:
         return self.disk.get(part)
 
-    def save(self, part: str, content: Any) -> None:
+    def save(self, part: str, content: Any) -> bool:
         self.disk[part] = json.loads(json.dumps(content))
+        return True
 
     # --- the API ----------------------------------------------------------------------------------------------------
 
