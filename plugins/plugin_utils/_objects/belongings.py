@@ -53,7 +53,7 @@ def container_ports(app: App) -> list[Object]:
 def _file_maps(robot: Robot) -> Iterator[Object]:
     for app in robot.apps:
         if content := _content(app):
-            labels = {**owner_labels(_owner(app, robot)), names.LABEL_FILES: app.name}
+            labels = {**owner_labels(owner_of(app, robot)), names.LABEL_FILES: app.name}
             held = config_map(_map_name(app), context.namespace_of(app, robot), labels, content)
             yield {**held, "immutable": True}
 
@@ -79,10 +79,11 @@ def _service(app: App, robot: Robot) -> Object:
         for port in app.ports
     ]
     outside = any(port.node_port for port in app.ports)
-    labels = object_labels(app.name, _owner(app, robot))
+    labels = object_labels(app.name, owner_of(app, robot))
     spec = {"type": "NodePort" if outside else "ClusterIP", "selector": pod_selector(app.name), "ports": ports}
     return made("v1", "Service", app.name, context.namespace_of(app, robot), labels, spec=spec)
 
 
-def _owner(app: App, robot: Robot) -> str | None:
+def owner_of(app: App, robot: Robot) -> str | None:
+    """The robot to which an app belongs; None for one of the whole fleet."""
     return None if app.scope == "fleet" else robot.name

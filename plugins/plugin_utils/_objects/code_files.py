@@ -21,13 +21,11 @@ from .common import Files, config_map, owner_labels
 from .pod_code import IN_POD
 
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
-ENTRY = "run"
-LAUNCHER = "_pod.launch"  # runs by itself, on the image's own interpreter
+ROOMS = ("_common", "_ros", "_step", "_pod", "_exporter", "_robot")  # of module_utils, what has to run in pods
+ENTRY, LAUNCHER = "_pod.run", "_pod.launch"  # the latter runs by itself, on the image's own interpreter
 SMALLEST = 9  # of zlib's levels
-# Parsing all files costs every run a quarter of a second; our own code imports in no other form,
-_IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
-_NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
-# and has no other strings: a docstring by itself, a comment but for the licence, or a string that may look like these.
+# Parsing all files costs every run a quarter of a second. Our own code has no other strings than these: a docstring by
+# itself, a comment but for the licence, or a string that may look like these.
 _TEXT = re.compile(
     r"""^([ \t]*)(\"{3}[\s\S]*?\"{3}) | [ \t]*(\#)(?!\ SPDX)[^\n]*
     | \"{3}[\s\S]*?\"{3} | '{3}[\s\S]*?'{3} | "(?:[^"\\\n]|\\.)*" | '(?:[^'\\\n]|\\.)*'""",
@@ -46,8 +44,9 @@ def pod_files() -> Files:
     late fails. An `exec` that still waits ends with an error, and its container begins once more; a probe is asked
     again; a keeper sees that its code has changed, and begins anew.
     """
-    sources = {module: bare(text) for module, text in _read().items()}
-    plain: Files = {f"{module}.py": sources.pop(module) for module in (ENTRY, LAUNCHER)}
+    paths = (path for room in ROOMS for path in MODULE_UTILS.joinpath(room).glob("*.py"))
+    sources = {f"{path.parent.name}.{path.stem}": bare(path.read_text("utf-8")) for path in paths}
+    plain: Files = {"run.py": sources.pop(ENTRY), f"{LAUNCHER}.py": sources.pop(LAUNCHER)}
     return {**plain, run.ARCHIVE: packed(sources)}
 
 
@@ -65,28 +64,6 @@ def bare(text: str) -> str:
         return f'{indent}""' + "\n" * docstring.count("\n") if docstring else "" if comment else found[0]
 
     return _TEXT.sub(kept, text)
-
-
-def _read() -> dict[str, str]:
-    """The entry, and every module that it reaches, with its source."""
-    found, todo = {ENTRY: Path(run.__file__).read_text("utf-8")}, [*run.COMMANDS.values(), LAUNCHER]
-    while todo:
-        module = todo.pop()
-        if module not in found:
-            found[module] = MODULE_UTILS.joinpath(*module.split(".")).with_suffix(".py").read_text("utf-8")
-            todo += relative_imports(module, found[module])
-    return found
-
-
-def relative_imports(module: str, text: str) -> list[str]:
-    """Modules (`<package>.<module>`) that a module imports anywhere in it, in functions, too."""
-    package = module.split(".")[:-1]
-    found: list[str] = []
-    for dots, name, listed in _IMPORT.findall(text):
-        where = ".".join([*package[: len(package) - len(dots) + 1], *([name] if name else [])])
-        whole = name and "." in where  # else it names a package, and modules of it
-        found += [where] if whole else [f"{where}.{one}" for one in _NAME.findall(listed)]
-    return found
 
 
 def code_maps(robot: Robot, code: Files) -> list[Object]:

@@ -22,7 +22,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
     code_maps,
     packed,
     pod_files,
-    relative_imports,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Files
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
@@ -59,11 +58,6 @@ def test_a_source_without_comments_is_the_same_program(path: Path) -> None:
     assert told(bare(text)) == told(text)
     comments = [one.string for one in tokenize.generate_tokens(io.StringIO(bare(text)).readline) if one.type == COMMENT]
     assert comments == ["# SPDX-License-Identifier: GPL-3.0-or-later"]
-
-
-def test_imports_in_functions_and_of_names_count() -> None:
-    text = "from . import a, b\nfrom .c import (\n    x,\n)\nfrom .._d.e import y\ndef f():\n    from .._g import h\n"
-    assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]
 
 
 # --- run from a mount -------------------------------------------------------------------------------------------------
