@@ -16,7 +16,7 @@ from .._common.poll import FAIL, PASS, WAIT
 from .._ros.backend import MasterState, Questions
 from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
-from .._ros.contract import Contract, Edge, Published
+from .._ros.contract import Contract, Edge
 from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, Node, Rate, ServiceProbe, names_of
 from .._ros.names import is_tool
 
@@ -215,14 +215,12 @@ def check_sums(graph: Graph, contract: Contract | None, found: Mapping[str, Hand
                 what = f"definition of {definition.type or 'its type'}"
                 reason = f"this version's {what} has the md5sum {new}, the one before had {old}"
                 checks.append(Check(kind, name, FAIL, reason))
-    unlatched = [name for name, said in found.items() if _was_latched(contract.topics[name], said.publisher.name)]
     reason = "this version does not latch its messages, the one before did"
-    return checks + [Check("topic", name, FAIL, reason) for name in unlatched if not found[name].latching]
-
-
-def _was_latched(topic: Published, publisher: str) -> bool:
-    """Of one publisher, where the version before had several."""
-    return topic.publishers.get(publisher, topic.first).latched
+    for name, said in found.items():
+        before = contract.topics[name]
+        if before.publishers.get(said.publisher.name, before.first).latched and not said.latching:
+            checks.append(Check("topic", name, FAIL, reason))
+    return checks
 
 
 def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:

@@ -75,7 +75,7 @@ def app_deployment(app: App, robot: Robot) -> Object:
 
 def plain_deployment(app: App, robot: Robot) -> Object:
     """The Deployment before the overrides and without the ROS node name."""
-    notes, pod = {names.ANNOTATION_HANDOFF: app.handoff}, dict[str, Any]()
+    notes, pod = {names.ANNOTATION_HANDOFF: str(app.handoff)}, dict[str, Any]()
     if app.liveness_timeout != words.LIVENESS_TIMEOUT:
         notes[words.LIVENESS] = str(app.liveness_timeout)
     if app.host_network:  # then the Service name ros-master resolves only when it is asked for

@@ -14,7 +14,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import main as keeper_main
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.metrics import CLAIMS_DIR
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -115,7 +114,7 @@ def test_its_pod_is_found_and_has_the_record_of_updates() -> None:
 def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(of: Object, sees: bool) -> None:
     made = shown(**{"volumes": VOLUMES, "observability": SEEN, **of})
     said = ("--claims", "--namespace", "--capacities")
-    wanted = (CLAIMS_DIR, "robot-r1", '{"a-pvc": 1024}')
+    wanted = (master.CLAIMS_DIR, "robot-r1", '{"a-pvc": 1024}')
     assert tuple(made["options"][word] for word in said) == (wanted if sees else ("", "", "{}"))
     assert ("claims" in made["volumes"], made["add"]) == (sees, ["DAC_OVERRIDE"] if sees else [])
     assert made["mounts"].get("claims") == (wanted[0] if sees else None)

@@ -8,7 +8,7 @@ import json
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import Rest, rest_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.windows import Windows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 APPS = [

@@ -32,7 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import MAYBE_UNPROVEN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
