@@ -36,7 +36,7 @@ def path_of(request: bytes) -> str:
 
 
 def read_request(connection: socket.socket) -> bytes:
-    """As much as there is of it until its head ends."""
+    """Until its head ends."""
     text = b""
     while b"\r\n\r\n" not in text and len(text) < LONGEST:
         part = connection.recv(LONGEST)
@@ -47,7 +47,6 @@ def read_request(connection: socket.socket) -> bytes:
 
 
 def respond(connection: socket.socket, known: Mapping[str, list[str]], run: Callable[[list[str]], int]) -> None:
-    """Do what is asked for, and say whether it went well."""
     connection.settimeout(PATIENCE)
     words = known.get(path_of(read_request(connection)))
     status = UNKNOWN if words is None else FAILED if run(words) else "200 OK"

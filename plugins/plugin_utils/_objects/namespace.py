@@ -89,12 +89,9 @@ def needs_fleet_namespace(robot: Robot) -> bool:
 
 
 def _claim(volume: Volume, namespace: str, robot: str | None) -> Object:
-    spec: Object = {
-        "accessModes": [volume.access_mode],
-        "resources": {"requests": {"storage": str(volume.size)}},
-    }
-    if volume.storage_class is not None:
-        spec["storageClassName"] = volume.storage_class
+    size = {"requests": {"storage": str(volume.size)}}
+    of_class = {} if volume.storage_class is None else {"storageClassName": volume.storage_class}
+    spec = {"accessModes": [volume.access_mode], "resources": size, **of_class}
     return made("v1", "PersistentVolumeClaim", names.claim_name(volume.name), namespace, owner_labels(robot), spec=spec)
 
 
