@@ -17,16 +17,7 @@ from .._model.context import Robot
 from .._model.merge import deep_merge
 from . import pod_code as hooks
 from .belongings import container_ports, file_volumes, owner_of
-from .common import (
-    RECREATE_STRATEGY,
-    annotate,
-    field_variable,
-    mount,
-    node_selector,
-    pod_spec,
-    variable,
-    workload,
-)
+from .common import RECREATE_STRATEGY, annotate, field_variable, mount, node_selector, pod_spec, variable, workload
 from .pod_settings import app_settings, gate_settings
 from .security import ALL, APPS, harden
 

@@ -113,10 +113,7 @@ def annotate(item: Object) -> Object:
 
 
 def pod_spec(
-    containers: Sequence[Object],
-    volumes: Sequence[Object] = (),
-    pull_secrets: Sequence[str] = (),
-    **more: Any,
+    containers: Sequence[Object], volumes: Sequence[Object] = (), pull_secrets: Sequence[str] = (), **more: Any
 ) -> Object:
     """A pod without access to the API, unless `more` says so, and not told the addresses of all Services."""
     token = more.pop("automountServiceAccountToken", False)

@@ -221,11 +221,7 @@ def test_overrides_may_not_lose_the_app() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "expected"),
-    [
-        ("a;b", ["/bin/sh", "-c", "a;b"]),
-        (["test", "-f", "/x/a b"], ["test", "-f", "/x/a b"]),
-    ],
+    ("command", "expected"), [("a;b", ["/bin/sh", "-c", "a;b"]), (["test", "-f", "/x/a b"], ["test", "-f", "/x/a b"])]
 )
 def test_readiness_command(command: Any, expected: list[str]) -> None:
     found = container(deployment(hooks="none", readiness={"command": command}))
@@ -248,12 +244,7 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
         own = [{"name": "own"}] if name == "robot1" else []
         volumes, seen = [{"name": "map"}, *own], {"enabled": bool(own), "ros_metrics": not own}
         full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=volumes, observability=seen)
-        objects = [
-            *namespace_objects(full),
-            *storage_objects(full),
-            *master_objects(full),
-            *app_objects(full),
-        ]
+        objects = [*namespace_objects(full), *storage_objects(full), *master_objects(full), *app_objects(full)]
         found.append(
             [
                 item
