@@ -17,9 +17,20 @@ from .._model.context import Robot
 from .._model.merge import deep_merge
 from . import pod_code as hooks
 from .belongings import container_ports, file_volumes, owner_of
-from .common import RECREATE_STRATEGY, annotate, field_variable, mount, node_selector, pod_spec, variable, workload
+from .common import (
+    ALL,
+    APPS,
+    RECREATE_STRATEGY,
+    annotate,
+    field_variable,
+    harden,
+    mount,
+    node_selector,
+    pod_spec,
+    variable,
+    workload,
+)
 from .pod_settings import app_settings, gate_settings
-from .security import ALL, APPS, harden
 
 REVISION_LENGTH = 8
 _REFERENCE = re.compile(r"\$\(([-._a-zA-Z0-9]+)\)")  # kubernetes.io, "Define Dependent Environment Variables"

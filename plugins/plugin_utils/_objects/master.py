@@ -20,10 +20,12 @@ from .._model.context import Robot
 from .._model.formats import quantity_value
 from .._model.merge import deep_merge
 from .common import (
+    ALL,
     FOR_EVER,
     ONE_HEAP,
     cluster_service,
     field_variable,
+    harden,
     hashed,
     mount,
     node_selector,
@@ -32,7 +34,6 @@ from .common import (
     workload,
 )
 from .pod_code import code_command, code_mount, code_volume
-from .security import ALL, harden
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.

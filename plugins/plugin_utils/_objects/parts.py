@@ -17,10 +17,10 @@ from .._model.app import USUAL, App
 from .._model.context import Robot
 from .app import app_deployment, app_objects
 from .belongings import belongings
-from .code_files import code_maps, pod_files
 from .common import Files
 from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
+from .pod_code import code_maps, pod_files
 from .pod_settings import full_name, rest_maps
 from .rights import keeper_access
 

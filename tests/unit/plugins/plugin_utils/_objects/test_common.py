@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import APPS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import APPS
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 SECURED = {"allowPrivilegeEscalation": False, "seccompProfile": {"type": "RuntimeDefault"}}
