@@ -75,10 +75,9 @@ def gaps(graph: Graph, own: Iterable[str]) -> list[Gap]:
     for node in map(graph.node, own):
         for topic in node.publications:
             counted = [key for key in graph.topic(topic).subscribers if not is_tool(key.name)]
-            missing = graph.unreached(topic, node.key, counted)
-            found += [
-                Gap(topic, node.name, key.name, "subscriber") for key in (counted if missing is None else missing)
-            ]
+            told = graph.unreached(topic, node.key, counted)
+            missing = counted if told is None else told
+            found += [Gap(topic, node.name, key.name, "subscriber") for key in missing]
         for topic in node.subscriptions:
             for key in graph.topic(topic).publishers if topic not in UNCOUNTED else ():
                 if not is_tool(key.name) and graph.unreached(topic, key, [node.key]) != []:

@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 from .._common.errors import RosError
 from .._ros.backend import MasterState, Questions
 from .._ros.client import Ros1Client
-from .._ros.graph import Service, StatusReading, host_of
+from .._ros.graph import Service, StatusReading, host_of, names_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
@@ -175,12 +175,10 @@ class OwnNode:
     def actions(self, seconds: float = TIMEOUT) -> Sequence[str]:
         """The actions that it serves: as the graph shows it, or as expected where there is no master to ask."""
         try:
-            state = ros_of(os.environ, seconds).state()
+            actions = ros_of(os.environ, seconds).state().graph.actions
         except RosError:
             return self.settings.actions
-        published = state.graph.node(self.name).publications
-        names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
-        return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
+        return [name for name, action in actions.items() if self.name in names_of(action.servers)]
 
     def status(self, action: str, seconds: float = TIMEOUT) -> StatusReading:
         """Two statuses of an action that it serves, read from itself."""

@@ -134,9 +134,8 @@ def owed_by(found: Record, revision: str) -> Owed:
     # from when it is judged on the keeper looks at it
     if found.proven or found.soak or not found.contract.nodes:
         return Owed(ignore=found.ignore)
-    if found.revision == revision:
-        return Owed(found.contract, "", found.ignore)
-    return Owed(None, found.revision, found.ignore)
+    mine = found.revision == revision
+    return Owed(found.contract if mine else None, "" if mine else found.revision, found.ignore)
 
 
 def message(checks: list[Check]) -> str:
@@ -319,10 +318,9 @@ class Starting:
         checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:
-            hertz: dict[str, float] = {}
+            seconds: dict[str, float] = {}
             for (topic, _node), hz in least.items():  # as long as the slowest of them asks for
-                hertz[topic] = min(hz, hertz.get(topic, hz))
-            seconds = {name: rate_window(hz) for name, hz in hertz.items()}
+                seconds[topic] = max(rate_window(hz), seconds.get(topic, 0.0))
             checks += check_rates(least, self.ros.rates(alone, seconds))
         return checks
 

@@ -116,7 +116,7 @@ def _container(app: App, robot: Robot) -> Object:
         container["ports"] = container_ports(app)
     if app.resources:
         container["resources"] = dict(app.resources)
-    code = [hooks.code_mount()] if app.hooks == "app" or app.launch else []
+    code = [hooks.CODE_MOUNT] if app.hooks == "app" or app.launch else []
     mounts = [*(target for _source, target in _volumes(app)), *code]
     if mounts:
         container["volumeMounts"] = mounts

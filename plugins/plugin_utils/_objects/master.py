@@ -33,7 +33,7 @@ from .common import (
     variable,
     workload,
 )
-from .pod_code import code_command, code_mount, code_volume
+from .pod_code import CODE_MOUNT, code_command, code_volume
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -113,7 +113,7 @@ def plain_master(robot: Robot) -> Object:
 
 def plain_keeper(robot: Robot) -> Object:
     """The Deployment before the overrides. Whichever robot that of a shared master comes from, it is the same."""
-    command, volumes, mounts, account = code_command("keeper"), [code_volume()], [code_mount()], dict[str, Any]()
+    command, volumes, mounts, account = code_command("keeper"), [code_volume()], [CODE_MOUNT], dict[str, Any]()
     keeps = robot.master.mode != "external"
     # asked of its server, which answers while its look at the master goes on: no process, next to no CPU
     probe = _asked("/ready")

@@ -33,6 +33,8 @@ BEGIN_TIMEOUT = 3600  # s, of a sidecar's start; then it is asked once more
 # At rest a bare interpreter; a look at the graph, or a stop, is a second one for as long as it lasts.
 SIDECARS = {"requests": {"cpu": "5m", "memory": "16Mi"}, "limits": {"memory": "96Mi"}}
 
+# where the code appears in a container
+CODE_MOUNT = mount(names.CODE_NAME, names.CODE_DIR, read_only=True)
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
 ROOMS = ("_common", "_ros", "_step", "_pod", "_exporter", "_robot")  # of module_utils, what has to run in pods
 ENTRY, LAUNCH = "_pod.run", "_pod.launch"  # the latter runs by itself, on the image's own interpreter
@@ -96,11 +98,6 @@ def waits_for_the_old(deployment: Object) -> bool:
     return False
 
 
-def code_mount() -> Object:
-    """Where the code appears in a container."""
-    return mount(names.CODE_NAME, names.CODE_DIR, read_only=True)
-
-
 def code_volume(app: App | None = None) -> Object:
     """The code; for an app with its contract, which is there while a step of an update is under way."""
     maps: list[Object] = [{"name": names.CODE_NAME}]
@@ -146,7 +143,7 @@ def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
         "command": [*code_command("sidecar"), *begin_after(app, robot)],
         "env": [*environment, ONE_HEAP],
         "resources": SIDECARS,
-        "volumeMounts": [code_mount()],
+        "volumeMounts": [CODE_MOUNT],
         "startupProbe": _startup("/begin", BEGIN_TIMEOUT),
     }
 

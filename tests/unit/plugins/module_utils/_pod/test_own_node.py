@@ -37,7 +37,9 @@ class World:
         self.told: list[tuple[Any, ...]] = []
         node = {"getPid": [1, "", 7], "publisherUpdate": self.note("update"), **replies}
         self.node = peers.api("node", node)
-        topics = [[["/arm/state", [NODE]], ["/work/status", [NODE]]], [["/work/goal", [NODE]]], [["/arm/home", [NODE]]]]
+        published, subscribed = ("/arm/state", "/work/status"), ("/work/goal", "/work/cancel")
+        parts = (published, subscribed, ("/arm/home",))
+        topics = [[[name, [NODE]] for name in part] for part in parts]
         self.system: Any = [1, "", topics]
         self.address = self.node
         self.service = f"rosrpc://127.0.0.1:{peers.dead()}"
@@ -134,6 +136,7 @@ def test_it_is_taken_out_of_the_master_with_all_that_it_has(world: World) -> Non
         ("Publisher", "/arm/state", world.node),
         ("Publisher", "/work/status", world.node),
         ("Service", "/arm/home", world.service),
+        ("Subscriber", "/work/cancel", world.node),
         ("Subscriber", "/work/goal", world.node),
     ]
 
