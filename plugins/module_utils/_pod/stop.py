@@ -17,7 +17,8 @@ from typing import Any, Callable, Sequence
 
 from .._common.poll import PASS, WAIT, Seen, poll
 from .._ros import keeper_client
-from .._ros.graph import BUSY_STATES, GOAL_STATES, StatusReading
+from .._ros.checks import idle
+from .._ros.graph import NodeKey, StatusReading
 from .._ros.rpc import in_parallel
 from .own_node import OwnNode, own_nodes
 from .state import CALLER, TIMEOUT, load_settings
@@ -163,7 +164,8 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) 
         uncut.update({action: word for (_node, action), word in zip(held, cut) if word})
         tasks = [partial(node.status, action) for node, action in actions]
         read = _each(tasks, ends.late, clock, lambda error: StatusReading(error=why(error)))
-        open_goals = [word for (_node, action), status in zip(actions, read) for word in busy(action, status)]
+        looks = [(action, *idle(NodeKey(node.name), status)) for (node, action), status in zip(actions, read)]
+        open_goals = [f"{action} {reason}" for action, verdict, reason in looks if verdict != PASS]
         return Seen(WAIT if open_goals else PASS, open_goals)
 
     # Twice: a look may begin with a status from before the isolation, and a goal on its way stands in none yet.
@@ -171,9 +173,8 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) 
     ended = poll(probe, wait, 0.1, consecutive=2, now=clock.now, sleep=clock.sleep)
     remarks += [f"clients of {action} were not cut off from it: {word}" for action, word in uncut.items()]
     if ended.verdict != PASS:
-        remarks.append(
-            f"stopped with open goals after {ended.elapsed:.0f} s: {', '.join(ended.last) or 'idle once only'}"
-        )
+        said = "; ".join(ended.last) or "idle once only"
+        remarks.append(f"stopped with open goals after {ended.elapsed:.0f} s: {said}")
     return remarks
 
 
@@ -185,14 +186,6 @@ def _hold(actions: Sequence[tuple[OwnNode, str]], hold: Hold | None, ends: Ends,
     seconds = max(LEAST, min(keeper_client.TIMEOUT, left / 2))
     tasks = [partial(hold, action, node.name, max(left, 0.0) + HOLD, seconds) for node, action in actions]
     return clock.together(tasks, seconds)
-
-
-def busy(action: str, status: StatusReading) -> list[str]:
-    """What is under way, in words; a status that cannot be read twice counts as that."""
-    states = [state for reading in status.readings for state in reading if state in BUSY_STATES]
-    if states:
-        return [f"{action} {GOAL_STATES[states[-1]]}"]
-    return [] if len(status.readings) > 1 else [f"{action} unknown ({status.error or 'no second status'})"]
 
 
 def tell(line: str) -> None:

@@ -181,7 +181,7 @@ def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) 
 def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: float) -> None:
     node = Node({"/move": [ACTIVE]})
     remarks = stop(node, held(node), deadline=total)
-    assert remarks == [f"stopped with open goals after {remarks[0].split()[5]} s: /move ACTIVE"]
+    assert remarks == [f"stopped with open goals after {remarks[0].split()[5]} s: /move busy on /server: 1 ACTIVE"]
     assert share <= dict(node.done)["shutdown"] <= share + 0.5
     assert node.at <= total
 
@@ -238,12 +238,6 @@ def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.Monke
     assert stop_command.main([]) == 0
     assert asked[0] == pytest.approx(0.5)
     assert began + 4 <= asked[1] <= time.monotonic() + 4
-
-
-def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
-    assert stop_command.busy("/a", StatusReading(((),), "timed out")) == ["/a unknown (timed out)"]
-    assert stop_command.busy("/a", StatusReading(((0,), (3,)))) == ["/a PENDING"]
-    assert stop_command.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
 
 
 def test_what_the_keeper_does_not_take_is_said() -> None:
