@@ -133,12 +133,10 @@ def node_selector(placement: str, robot: str) -> dict[str, str]:
 
 
 def mount(name: str, path: str, read_only: bool = False) -> Object:
-    """A container's mount of a pod's volume."""
     return {"name": name, "mountPath": path, **({"readOnly": True} if read_only else {})}
 
 
 def variable(name: str, value: str) -> Object:
-    """A container's environment variable."""
     return {"name": name, "value": value}
 
 

@@ -19,42 +19,38 @@ def space(own: str, tree: dict[str, Any], *registered: str) -> Space:
     return Space(own, REVISION, tree, [own, *registered])
 
 
-@pytest.mark.parametrize("own", [TWO, "arm"])
+BOTH = (TWO, "arm")
+
+
 @pytest.mark.parametrize(
-    ("there", "registered", "source"),
+    ("owns", "there", "registered", "source"),
     [
-        ([], [], Source()),  # the first start
-        (STRANGERS, STRANGERS, Source()),
-        ([ONE], [ONE], Source(ONE)),  # it works: nothing of it is taken away
-        ([ONE], [], Source(ONE, over=True)),  # ended, or its registration is not back yet
-        ([ONE, TWO, THREE, "arm"], [THREE], Source(THREE)),
-        ([ONE, THREE], [ONE, THREE], Source(ONE)),  # both have what the version before had
-        ([THREE, LEFT, *STRANGERS], [ONE], Source()),  # that at work has none
-        ([LEFT], [], Source(f"{LEFT}/values", over=True)),
-        ([LEFT, MINE], [], Source(f"{LEFT}/values", over=True)),
-        ([LEFT, THREE], [THREE], Source(THREE)),
-        ([LEFT, "arm"], [], Source(f"{LEFT}/values", over=True)),
-        ([ONE, THREE, "arm"], [], Source("arm")),
-        ([LEFT, THREE], [], Source(doubt=f"none is kept of {THREE}, {LEFT}/values, as each may be the version before")),
+        (BOTH, [], [], Source()),  # the first start
+        (BOTH, STRANGERS, STRANGERS, Source()),
+        (BOTH, [ONE], [ONE], Source(ONE)),  # it works: nothing of it is taken away
+        (BOTH, [ONE], [], Source(ONE, over=True)),  # ended, or its registration is not back yet
+        (BOTH, [ONE, TWO, THREE, "arm"], [THREE], Source(THREE)),
+        (BOTH, [ONE, THREE], [ONE, THREE], Source(ONE)),  # both have what the version before had
+        (BOTH, [THREE, LEFT, *STRANGERS], [ONE], Source()),  # that at work has none
+        (BOTH, [LEFT], [], Source(f"{LEFT}/values", over=True)),
+        (BOTH, [LEFT, MINE], [], Source(f"{LEFT}/values", over=True)),
+        (BOTH, [LEFT, THREE], [THREE], Source(THREE)),
+        (BOTH, [LEFT, "arm"], [], Source(f"{LEFT}/values", over=True)),
+        (BOTH, [ONE, THREE, "arm"], [], Source("arm")),
+        (BOTH, [LEFT, THREE], [],
+         Source(doubt=f"none is kept of {THREE}, {LEFT}/values, as each may be the version before")),
+        # another handoff, and one begun again
+        ([TWO], [TWO, ONE, "arm"], [], Source(TWO)),  # its container once more
+        ([TWO], [TWO, "arm"], ["arm"], Source("arm")),  # the one before had no name of its own
+        (["arm"], ["arm"], [], Source("arm")),
+        (["arm"], ["arm", TWO], [TWO], Source(TWO)),  # the one before had one
+        ([TWO], [f"{TWO}_4", "arm"], [f"{TWO}_4"], Source(f"{TWO}_4")),  # another pod of the same revision
     ],
-)
-def test_whose_parameters_are_kept(own: str, there: list[str], registered: list[str], source: Source) -> None:
+)  # fmt: skip
+def test_whose_parameters_are_kept(owns: list[str], there: list[str], registered: list[str], source: Source) -> None:
     tree = {name: {"values": {"rate": 1}} if name.endswith("_kept") else {"rate": 1} for name in there}
-    assert space(own, tree, *registered).source() == source
-
-
-@pytest.mark.parametrize(
-    ("own", "there", "registered", "source"),
-    [
-        (TWO, [TWO, ONE, "arm"], [], Source(TWO)),  # its container once more
-        (TWO, [TWO, "arm"], ["arm"], Source("arm")),  # the one before had no name of its own
-        ("arm", ["arm"], [], Source("arm")),
-        ("arm", ["arm", TWO], [TWO], Source(TWO)),  # the one before had one
-        (TWO, [f"{TWO}_4", "arm"], [f"{TWO}_4"], Source(f"{TWO}_4")),  # another pod of the same revision
-    ],
-)
-def test_another_handoff_and_one_begun_again(own: str, there: list[str], registered: list[str], source: Source) -> None:
-    assert space(own, {name: {"rate": 1} for name in there}, *registered).source() == source
+    for own in owns:
+        assert space(own, tree, *registered).source() == source
 
 
 @pytest.mark.parametrize("own", [TWO, "arm"])

@@ -327,6 +327,7 @@ def spoke(sent: int, received: int, acknowledged: int, segments: tuple[int, int]
     [
         (9, 8, 8, (2, 1), True),
         (8, 9, 4, (2, 2), False),
+        (8, 9, 9, (6, 5), False),
         # all within one tick of the kernel's clock
         (104, 104, 104, (6, 5), True),
         (104, 104, 60, (6, 6), False),  # the answer was acknowledged, 40 ms later as is usual

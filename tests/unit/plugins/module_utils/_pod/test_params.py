@@ -13,7 +13,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.kept_params impo
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, load_settings
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
-REVISION = "0a1b2c3d"
 SETTINGS = Settings("/arm", params={"~rate": 20, "~pid/gain": 1.5, "/limits": {"speed": 2}})
 
 

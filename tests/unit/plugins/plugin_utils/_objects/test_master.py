@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -108,19 +107,9 @@ def api_port(request: pytest.FixtureRequest) -> Iterator[int]:
         thread.join()
 
 
-def probe(port: int) -> int:
-    code = master.PROBE.replace("11311", str(port))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode  # noqa: S603
-
-
-@pytest.mark.parametrize(("api_port", "status"), [([1], 0), ([0], 1), ([-1], 1)], indirect=["api_port"])
-def test_its_probe_asks_the_api(api_port: int, status: int) -> None:
-    assert probe(api_port) == status
-    assert probe(1) != 0  # nobody listens there
-
-
 @pytest.mark.parametrize("api_port", [[0, -1, 1]], indirect=True)
 def test_its_start_is_waited_for(api_port: int) -> None:
+    """That it answers its own API, not that its port is open."""
     code = master.PROBE.replace("11311", str(api_port))
     waited = subprocess.run(["sh", "-c", master.UNTIL, code], capture_output=True, check=False, timeout=60)  # noqa: S603, S607
     assert (waited.returncode, waited.stderr) == (0, b"")

@@ -19,9 +19,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet impor
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
-KUBERNETES = "1.34"
-
-
 CASES = regenerate.cases()
 
 
@@ -72,7 +69,7 @@ def test_objects_fit_the_api_and_each_other(name: str) -> None:
     asked = [one.get("readiness", {}).get("command") for one in apps]
     own = [one["overrides"] for one in apps if "overrides" in one]
     for item in case_objects(name):
-        kubernetes_validate.validate(item, KUBERNETES, strict=True)
+        kubernetes_validate.validate(item, "1.34", strict=True)
         if item["kind"] == "Deployment":
             labels = item["spec"]["template"]["metadata"]["labels"]
             assert item["spec"]["selector"]["matchLabels"].items() <= labels.items()
@@ -126,23 +123,6 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
     assert container(item)["args"] == ["a", "b.launch"]
     own = container(deployment(readiness={"nodes": False}, hooks="sidecar", command=[], args=[]))
     assert not {"command", "args"} & set(own)
-
-
-@pytest.mark.parametrize(("hooks", "launch"), [("app", {"file": "a.launch"}), ("none", None)])
-def test_where_versions_overlap_a_pod_s_names_have_the_hash_of_its_template(
-    hooks: str, launch: dict[str, Any] | None
-) -> None:
-    """Kubernetes puts a variable's value in the place of $(NAME) in what comes after it, and in arguments."""
-    given = {"launch": launch, "args": [], "command": ["/ros_entrypoint.sh"]} if launch else {}
-    item = deployment(hooks=hooks, handoff="overlap", env={"A": "1"}, **given)
-    name = f"talker_{revision(item)}_$(ROSOPS_TEMPLATE_HASH)"
-    told = [key for key in env(item) if key in ("ROSOPS_TEMPLATE_HASH", "ROSOPS_NODE_NAME")]
-    assert told == (["ROSOPS_TEMPLATE_HASH"] if launch else ["ROSOPS_TEMPLATE_HASH", "ROSOPS_NODE_NAME"])
-    assert env(item)["ROSOPS_TEMPLATE_HASH"] == {"fieldRef": {"fieldPath": "metadata.labels['pod-template-hash']"}}
-    assert launch or env(item)["ROSOPS_NODE_NAME"] == name
-    assert ([f"__name:={name}"] == container(item)["args"][-1:]) is not bool(launch)
-    annotations = item["spec"]["template"]["metadata"]["annotations"]
-    assert annotations.get("rosops.fleet/ros-node") == (None if launch else f"/talker_{revision(item)}")
 
 
 @pytest.mark.parametrize(
