@@ -89,13 +89,9 @@ def literal(text: str) -> str:
 
 def waits_for_the_old(deployment: Object) -> bool:
     """Whether its pod may start beside the one that it replaces; kept Deployments of earlier releases may not."""
-    spec = deployment["spec"]["template"]["spec"]
-    ours = {names.APP_CONTAINER: code_command("exec"), names.SIDECAR: code_command("sidecar")}
-    for container in [*(spec.get("initContainers") or []), *spec["containers"]]:
-        word, command = ours.get(container["name"], []), container.get("command") or []
-        if word and command[: len(word) + 1] == [*word, AFTER]:
-            return True
-    return False
+    spec, ours = deployment["spec"]["template"]["spec"], [[*code_command(word), AFTER] for word in ("exec", "sidecar")]
+    containers = [*(spec.get("initContainers") or []), *spec["containers"]]
+    return any((one.get("command") or [])[: len(ours[0])] in ours for one in containers)
 
 
 def code_volume(app: App | None = None) -> Object:
