@@ -38,16 +38,14 @@ def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
 
     Not tools, which do not count: one that hangs would make every look as long as its time-out.
     """
-    nodes = {node: frozenset({"bus", "types"}) for node in own}
-    services: list[str] = []
-    for node in tuple(nodes):
-        has = state.graph.node(node)
-        services += has.services
-        for topic in has.subscriptions:
-            for publisher in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-                if not is_tool(publisher):
-                    nodes.setdefault(publisher, frozenset({"bus"}))
-    return Questions(nodes, tuple(services))
+    registered = [state.graph.node(node) for node in own]
+    heard = (topic for has in registered for topic in has.subscriptions if topic not in UNCOUNTED)
+    senders = (name for topic in heard for name in state.publishers.get(topic, ()) if not is_tool(name))
+    nodes = {
+        **dict.fromkeys(senders, frozenset({"bus"})),
+        **{one.name: frozenset({"bus", "types"}) for one in registered},
+    }
+    return Questions(nodes, tuple(name for has in registered for name in has.services))
 
 
 @dataclass(frozen=True)
