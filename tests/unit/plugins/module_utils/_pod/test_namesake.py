@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import socket
 import threading
-import time
-from collections.abc import Callable
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import namesake
@@ -35,10 +33,8 @@ def master(peers: Peers) -> Master:
 class Waiting:
     """The call, in a thread."""
 
-    def __init__(self, master: str, own: str = "10.42.0.9", sleep: Callable[[float], None] = time.sleep) -> None:
-        self.thread = threading.Thread(
-            target=namesake.wait_for_its_end, args=(master, NODE, own), kwargs={"sleep": sleep}, daemon=True
-        )
+    def __init__(self, master: str, own: str = "10.42.0.9") -> None:
+        self.thread = threading.Thread(target=namesake.wait_for_its_end, args=(master, NODE, own), daemon=True)
         self.thread.start()
 
     def over(self, seconds: float) -> bool:

@@ -273,14 +273,12 @@ def test_all_that_the_version_before_had_is_waited_for(two_nodes: World, monkeyp
     assert clock.at == 0  # the contract says what there has to be
     words = f"as the version before: does not start {OTHER}; does not publish /map"
     assert words in launched(two_nodes, here={OWN: URI})
+    topics = {"/map": {"type": "", "md5sum": None, "rate": None, "publishers": {OWN: {"rate": None}}}}
+    owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)  # what one node had another one does not give
+    assert "does not publish /map" in launched(two_nodes)
+    owe_both(monkeypatch)
     two_nodes.hz["/out"] = 50.0
     assert "rate /out: 50.0 Hz" in launched(two_nodes)
-
-
-def test_what_one_node_had_another_one_does_not_give(two_nodes: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    topics = {"/map": {"type": "", "md5sum": None, "rate": None, "publishers": {OWN: {"rate": None}}}}
-    owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)
-    assert "does not publish /map" in launched(two_nodes)
 
 
 def test_private_names_of_this_version_alone_are_on_their_way(two_nodes: World) -> None:

@@ -98,9 +98,7 @@ class Node(OwnNode):
             self._note("shutdown", seconds)
 
 
-def stop(
-    node: Node, hold: stop_command.Hold | None = None, expect_node: bool = True, deadline: float = 30
-) -> list[str]:
+def stop(node: Node, hold: Any = None, expect_node: bool = True, deadline: float = 30) -> list[str]:
     clock = stop_command.Time(node.now, node.sleep, node.together)
     return stop_command.stop([node], expect_node, hold, stop_command.ends_of(node.at, deadline), clock)
 
