@@ -174,10 +174,6 @@ def pod_files() -> Files:
 
     Each byte is held in etcd for every robot, and in its pods. Another zlib may make other bytes of the same sources:
     then the ConfigMap changes, and nothing else.
-
-    A process of a collection that had each module in a file of its own finds none of them any more: what it imports
-    late fails. An `exec` that still waits ends with an error, and its container begins once more; a probe is asked
-    again; a keeper sees that its code has changed, and begins anew.
     """
     paths = (path for room in ROOMS for path in MODULE_UTILS.joinpath(room).glob("*.py"))
     sources = {f"{path.parent.name}.{path.stem}": bare(path.read_text("utf-8")) for path in paths}
