@@ -147,6 +147,8 @@ def test_it_is_cut_off_from_who_sends_it_goals(world: World) -> None:
 
 
 def test_its_actions_are_those_of_the_graph_or_what_was_expected(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    for part, name in ((0, "status"), (1, "goal"), (1, "cancel")):
+        world.system[2][part].append([f"/their/{name}", ["/other"]])
     assert world.own().actions() == ["/work"]
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9/")
     assert world.own().actions() == ["/other"]
