@@ -41,11 +41,9 @@ def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
     registered = [state.graph.node(node) for node in own]
     heard = (topic for has in registered for topic in has.subscriptions if topic not in UNCOUNTED)
     senders = (name for topic in heard for name in state.publishers.get(topic, ()) if not is_tool(name))
-    nodes = {
-        **dict.fromkeys(senders, frozenset({"bus"})),
-        **{one.name: frozenset({"bus", "types"}) for one in registered},
-    }
-    return Questions(nodes, tuple(name for has in registered for name in has.services))
+    whole = {has.name: frozenset({"bus", "types"}) for has in registered}
+    services = tuple(name for has in registered for name in has.services)
+    return Questions({**dict.fromkeys(senders, frozenset({"bus"})), **whole}, services)
 
 
 @dataclass(frozen=True)
