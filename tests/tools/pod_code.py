@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import ARCHIVE, GZIP
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import packed, pod_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import packed, pod_files
 
 
 def write_code(directory: Path, changes: Mapping[str, str] | None = None) -> None:

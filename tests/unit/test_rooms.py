@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import rooms
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import pod_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import pod_files
 from pod_code import modules
 
 PLUGINS = Path(__file__).resolve().parents[2] / "plugins"

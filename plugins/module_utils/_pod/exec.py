@@ -19,7 +19,7 @@ import time
 
 TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
-    from typing import Callable, Mapping
+    from typing import Mapping
 
 PATIENCE = 30.0  # s for a master that does not answer
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
@@ -29,34 +29,23 @@ UNSET, UNAVAILABLE, NOT_FOUND, STOPPED = 1, 126, 127, 128 + signal.SIGTERM  # as
 
 
 def address_of(environ: Mapping[str, str]) -> tuple[str, int]:
-    """Host and port of ROS_MASTER_URI."""
     rest = environ.get("ROS_MASTER_URI", "http://localhost:11311").partition("://")[2]
     host, _colon, port = rest.partition("/")[0].rpartition(":")
     return host.strip("[]"), int(port)
 
 
-def reachable(address: tuple[str, int]) -> bool:
-    """Whether anybody listens there now."""
-    try:
-        socket.create_connection(address, ATTEMPT).close()
-    except OSError:
-        return False
-    return True
-
-
-def wait(
-    try_it: Callable[[], bool],
-    seconds: float = PATIENCE,
-    now: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> bool:
-    """Whether it succeeded within that time."""
-    end = now() + seconds
-    while not try_it():
-        if now() >= end:
-            return False
-        sleep(PAUSE)
-    return True
+def reachable(address: tuple[str, int], seconds: float = PATIENCE) -> bool:
+    """Whether somebody listens there within that time."""
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            socket.create_connection(address, ATTEMPT).close()
+        except OSError:
+            if time.monotonic() >= end:
+                return False
+            time.sleep(PAUSE)
+        else:
+            return True
 
 
 def main(words: list[str]) -> int:
@@ -69,13 +58,11 @@ def main(words: list[str]) -> int:
         address = ("", 0)  # whatever that is, the app's ROS will say it better
     params = '"params"' in os.environ.get("ROSOPS_SETTINGS", "")
     there = False
-    while address[0] and not there:
-        there = wait(lambda: reachable(address))
-        if not there:
-            sys.stderr.write(f"rosops.fleet: no ROS master at {address[0]}:{address[1]} for {PATIENCE:.0f} s\n")
-            sys.stderr.flush()
-            if not params:
-                break
+    while address[0] and not (there := reachable(address)):
+        sys.stderr.write(f"rosops.fleet: no ROS master at {address[0]}:{address[1]} for {PATIENCE:.0f} s\n")
+        sys.stderr.flush()
+        if not params:
+            break
     if there and node:
         from .namesake import wait as wait_for_namesake  # noqa: PLC0415 - it takes longer to load than all else here
 

@@ -16,7 +16,7 @@ from .._common.poll import FAIL, PASS, WAIT
 from .._ros.backend import MasterState, Questions
 from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
-from .._ros.contract import Contract, Edge, Published
+from .._ros.contract import Contract, Edge
 from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, Node, Rate, ServiceProbe, names_of
 from .._ros.names import is_tool
 
@@ -38,16 +38,12 @@ def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
 
     Not tools, which do not count: one that hangs would make every look as long as its time-out.
     """
-    nodes = {node: frozenset({"bus", "types"}) for node in own}
-    services: list[str] = []
-    for node in tuple(nodes):
-        has = state.graph.node(node)
-        services += has.services
-        for topic in has.subscriptions:
-            for publisher in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-                if not is_tool(publisher):
-                    nodes.setdefault(publisher, frozenset({"bus"}))
-    return Questions(nodes, tuple(services))
+    registered = [state.graph.node(node) for node in own]
+    heard = (topic for has in registered for topic in has.subscriptions if topic not in UNCOUNTED)
+    senders = (name for topic in heard for name in state.publishers.get(topic, ()) if not is_tool(name))
+    whole = {has.name: frozenset({"bus", "types"}) for has in registered}
+    services = tuple(name for has in registered for name in has.services)
+    return Questions({**dict.fromkeys(senders, frozenset({"bus"})), **whole}, services)
 
 
 @dataclass(frozen=True)
@@ -75,10 +71,9 @@ def gaps(graph: Graph, own: Iterable[str]) -> list[Gap]:
     for node in map(graph.node, own):
         for topic in node.publications:
             counted = [key for key in graph.topic(topic).subscribers if not is_tool(key.name)]
-            missing = graph.unreached(topic, node.key, counted)
-            found += [
-                Gap(topic, node.name, key.name, "subscriber") for key in (counted if missing is None else missing)
-            ]
+            told = graph.unreached(topic, node.key, counted)
+            missing = counted if told is None else told
+            found += [Gap(topic, node.name, key.name, "subscriber") for key in missing]
         for topic in node.subscriptions:
             for key in graph.topic(topic).publishers if topic not in UNCOUNTED else ():
                 if not is_tool(key.name) and graph.unreached(topic, key, [node.key]) != []:
@@ -215,14 +210,12 @@ def check_sums(graph: Graph, contract: Contract | None, found: Mapping[str, Hand
                 what = f"definition of {definition.type or 'its type'}"
                 reason = f"this version's {what} has the md5sum {new}, the one before had {old}"
                 checks.append(Check(kind, name, FAIL, reason))
-    unlatched = [name for name, said in found.items() if _was_latched(contract.topics[name], said.publisher.name)]
     reason = "this version does not latch its messages, the one before did"
-    return checks + [Check("topic", name, FAIL, reason) for name in unlatched if not found[name].latching]
-
-
-def _was_latched(topic: Published, publisher: str) -> bool:
-    """Of one publisher, where the version before had several."""
-    return topic.publishers.get(publisher, topic.first).latched
+    for name, said in found.items():
+        before = contract.topics[name]
+        if before.publishers.get(said.publisher.name, before.first).latched and not said.latching:
+            checks.append(Check("topic", name, FAIL, reason))
+    return checks
 
 
 def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:

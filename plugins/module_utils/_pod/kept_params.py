@@ -23,7 +23,6 @@ _KINDS = ((bool, "true or false"), ((int, float), "a number"), (str, "a text"), 
 
 
 def full(name: str, node: str) -> str:
-    """The parameter's whole name."""
     return f"{node}/{name[1:]}" if name.startswith(PRIVATE) else name
 
 
@@ -54,7 +53,6 @@ class Space:
 
     @property
     def base(self) -> str:
-        """The node's name without its version."""
         end = f"_{self.version}"
         return self.own[: -len(end)] if self.version and self.own.endswith(end) else self.own
 
@@ -64,7 +62,6 @@ class Space:
 
     @property
     def at_work(self) -> list[str]:
-        """The nodes of other versions that are registered."""
         return [name for name in self._versions(self.registered) if name != self.own]
 
     def _versions(self, names: Iterable[str]) -> list[str]:
@@ -91,14 +88,10 @@ class Space:
 
     def found(self, keep: Iterable[str], source: Source) -> Values:
         """Whole name, but for the namespace, -> value of these: as this version left them, or the source."""
-        found = {}
-        for name in keep:
-            value = value_at(self.tree, full(name, f"{self.place}/{_VALUES}"))
-            if value is None and source.root:
-                value = value_at(self.tree, full(name, source.root))
-            if value is not None:
-                found[full(name, self.own)] = value
-        return found
+        roots = [f"{self.place}/{_VALUES}", *([source.root] if source.root else [])]
+        found = {full(name, self.own): [value_at(self.tree, full(name, root)) for root in roots] for name in keep}
+        there = {name: [value for value in values if value is not None] for name, values in found.items()}
+        return {name: values[0] for name, values in there.items() if values}
 
     def spent(self, keep: Iterable[str], source: Source) -> list[str]:
         """What need not be left any longer, once this version has it."""

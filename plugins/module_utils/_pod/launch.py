@@ -76,12 +76,10 @@ class Names(object):
         top = name if name in self.nodes else owner_of(name, self.nodes)
         return top + self.suffix + name[len(top) :] if top else name
 
-    def is_own(self, node):  # type: (str) -> bool
-        return bool(self.suffix) and node.endswith(self.suffix) and node[: -len(self.suffix)] in self.nodes
-
     def before(self, registered):  # type: (Iterable[str]) -> Set[str]
         """Nodes of other versions of this launch file."""
-        return set(node for node in registered if stable(node) in self.nodes and not self.is_own(node))
+        own = [node + self.suffix for node in self.nodes if self.suffix]
+        return set(node for node in registered if stable(node) in self.nodes and node not in own)
 
     def private(self, names, node, skip):  # type: (Iterable[str], str, Iterable[str]) -> List[str]
         """What of these topics and services, in stable names, is private to the node: without the node's name."""
@@ -187,10 +185,8 @@ class Waiting(object):
 
     def over(self, node, before):  # type: (str, Iterable[str]) -> bool
         """Whether all have gone that had this node's part; `before`: those that are registered now."""
-        known = self.places.setdefault(node, set())
-        for one in before:
-            if stable(one) == node:
-                known.add(self.address_of(one))
+        there = [self.address_of(one) for one in before if stable(one) == node]
+        known = self.places.get(node, set()).union(there)
         self.places[node] = set(place for place in known if self.listening(place))
         return not self.places[node]
 

@@ -20,13 +20,11 @@ from typing import Callable
 
 from .._common.errors import RefusalError, RosError
 from .._ros.rpc import Api, Deadline, address_of
+from .exec import ATTEMPT, PATIENCE, PAUSE
 
 CALLER = "/rosops_fleet_exec"
 ANSWER = 2.0  # s for the master
-PATIENCE = 30.0  # s for a master that does not answer; from then on it is the app's own business
-ATTEMPT = 0.5  # s for a connection, which takes milliseconds: where it takes longer the pod has gone
 LOOK = 5.0  # s between two looks whether the name is the other one's still
-PAUSE = 0.1
 
 
 def wait_for_its_end(
@@ -61,7 +59,7 @@ def who_has(master: str, node: str) -> tuple[str, int]:
 def outlasts(host: str, port: int) -> bool:
     """Whether somebody listens there; returns when that process ends, or is to be looked up again."""
     try:
-        line = socket.create_connection((host, port), ATTEMPT)
+        line = socket.create_connection((host, port), ATTEMPT)  # where it takes longer the pod has gone
     except OSError:
         return False
     with line, contextlib.suppress(OSError):

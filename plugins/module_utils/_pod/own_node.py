@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 from .._common.errors import RosError
 from .._ros.backend import MasterState, Questions
 from .._ros.client import Ros1Client
-from .._ros.graph import Service, StatusReading, host_of
+from .._ros.graph import Service, StatusReading, host_of, names_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
@@ -53,9 +53,9 @@ def is_here(uri: str) -> bool:
         family, kind, protocol, _name, address = socket.getaddrinfo(host_of(uri), 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as sock:
             sock.bind(address)
+            return True
     except (OSError, ValueError):
         return False
-    return True
 
 
 def own_nodes(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
@@ -165,7 +165,6 @@ class OwnNode:
         ros.calls(calls)
 
     def forget(self, seconds: float = TIMEOUT) -> None:
-        """Take its parameters off the server."""
         forget(self.settings, seconds)
 
     def hand_over(self, seconds: float = TIMEOUT) -> str:
@@ -176,12 +175,10 @@ class OwnNode:
     def actions(self, seconds: float = TIMEOUT) -> Sequence[str]:
         """The actions that it serves: as the graph shows it, or as expected where there is no master to ask."""
         try:
-            state = ros_of(os.environ, seconds).state()
+            actions = ros_of(os.environ, seconds).state().graph.actions
         except RosError:
             return self.settings.actions
-        published = state.graph.node(self.name).publications
-        names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
-        return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
+        return [name for name, action in actions.items() if self.name in names_of(action.servers)]
 
     def status(self, action: str, seconds: float = TIMEOUT) -> StatusReading:
         """Two statuses of an action that it serves, read from itself."""
@@ -199,15 +196,11 @@ class OwnNode:
         ports = {urlsplit(uri).port or 0 for uri in self.services.values()}
         try:
             return calls_under_way(ports) if ports else 0
-        except OSError:
-            return self.connections(ports, seconds)
-
-    def connections(self, ports: set[int], seconds: float) -> int:
-        """Open connections of clients to its services, which come to the same port as its topics' subscribers."""
-        with self._api(seconds) as api:
-            edges = connections(api.call("getBusInfo"))
-        streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
-        return max(0, sum(own in ports and state == ESTABLISHED for own, state, _inode in _sockets()) - streams)
+        except OSError:  # clients come to the same port as its topics' subscribers
+            with self._api(seconds) as api:
+                edges = connections(api.call("getBusInfo"))
+            streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
+            return max(0, sum(own in ports and state == ESTABLISHED for own, state, _inode in _sockets()) - streams)
 
     def shut_down(self, seconds: float = TIMEOUT) -> None:
         """Ask it to end, and do not wait: rospy answers when it has ended, or never.

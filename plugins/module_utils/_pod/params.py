@@ -22,22 +22,10 @@ from .state import CALLER, Settings, load_settings, ros_of
 SECONDS = 5.0  # for the master
 
 
-def assignments(settings: Settings) -> Values:
-    return {full(name, settings.node): value for name, value in settings.params.items()}
-
-
-def leavings(settings: Settings) -> list[str]:
-    """What has to go with the node: names of parameters, or of a namespace of them."""
-    node = settings.node
-    if settings.version and node.endswith(f"_{settings.version}"):
-        return [node]
-    return [full(name, node) for name in settings.params if name.startswith(PRIVATE)]
-
-
 def set_all(environ: Mapping[str, str]) -> str:
     """Why a parameter could not be set; nothing if all are."""
     settings = load_settings(environ)
-    wanted = assignments(settings)
+    wanted = {full(name, settings.node): value for name, value in settings.params.items()}
     spent: list[str] = []
     try:
         ros = ros_of(environ, SECONDS)
@@ -52,14 +40,16 @@ def set_all(environ: Mapping[str, str]) -> str:
 
 def forget(settings: Settings, seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    keep = [name for name in settings.keep_params if name.startswith(PRIVATE)]
-    names = leavings(settings)
+    node, keep = settings.node, [name for name in settings.keep_params if name.startswith(PRIVATE)]
+    names = [full(name, node) for name in settings.params if name.startswith(PRIVATE)]
+    if settings.version and node.endswith(f"_{settings.version}"):
+        names = [node]  # all that is below it
     left: Values = {}
     if keep:
         seconds /= 2  # a question, and what follows from it
-        space, _public = _look(ros_of(os.environ, seconds), settings.node, settings.version, [])
-        names.append(_whole(space.place, settings.node))
-        left = {_whole(name, settings.node): value for name, value in space.left(keep).items()}
+        space, _public = _look(ros_of(os.environ, seconds), node, settings.version, [])
+        names.append(_whole(space.place, node))
+        left = {_whole(name, node): value for name, value in space.left(keep).items()}
     if names:
         ros_of(os.environ, seconds).calls(_change(names, left))
 

@@ -15,7 +15,7 @@ import sys
 
 TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
-    from typing import Callable, Mapping, Sequence
+    from typing import Mapping, Sequence
 
 PORT = 11412
 BACKLOG = 8
@@ -29,28 +29,22 @@ def commands(words: Sequence[str]) -> dict[str, list[str]]:
     return {"/begin": ["exec", *words], "/started": ["started"], "/stop": ["stop"]}
 
 
-def path_of(request: bytes) -> str:
-    """Of the request line `GET /path HTTP/1.1` (RFC 9112, 3); empty: it is none."""
-    words = request.split(b"\r\n", 1)[0].split(b" ")
-    return words[1].decode("ascii", "replace") if len(words) == 3 and words[0] == b"GET" else ""
-
-
-def read_request(connection: socket.socket) -> bytes:
-    """As much as there is of it until its head ends."""
+def requested(connection: socket.socket) -> str:
+    """The path of its request line `GET /path HTTP/1.1` (RFC 9112, 3); empty: it is none. The whole head is read."""
     text = b""
     while b"\r\n\r\n" not in text and len(text) < LONGEST:
         part = connection.recv(LONGEST)
         if not part:
             break
         text += part
-    return text
+    words = text.split(b"\r\n", 1)[0].split(b" ")
+    return words[1].decode("ascii", "replace") if len(words) == 3 and words[0] == b"GET" else ""
 
 
-def respond(connection: socket.socket, known: Mapping[str, list[str]], run: Callable[[list[str]], int]) -> None:
-    """Do what is asked for, and say whether it went well."""
+def respond(connection: socket.socket, known: Mapping[str, list[str]]) -> None:
     connection.settimeout(PATIENCE)
-    words = known.get(path_of(read_request(connection)))
-    status = UNKNOWN if words is None else FAILED if run(words) else "200 OK"
+    words = known.get(requested(connection))
+    status = UNKNOWN if words is None else FAILED if run_hook(words) else "200 OK"
     connection.sendall(f"HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode())
 
 
@@ -61,7 +55,7 @@ def run_hook(words: list[str]) -> int:
     return os.spawnv(os.P_WAIT, sys.executable, [sys.executable, "-I", "-S", sys.argv[0], *words])  # noqa: S606
 
 
-def serve(listener: socket.socket, known: Mapping[str, list[str]], run: Callable[[list[str]], int]) -> None:
+def serve(listener: socket.socket, known: Mapping[str, list[str]]) -> None:
     """For ever; each request in a process of its own, as a stop may come while a start is looked at."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel buries them
     while True:
@@ -69,16 +63,14 @@ def serve(listener: socket.socket, known: Mapping[str, list[str]], run: Callable
         with connection:
             if os.fork() == 0:
                 signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-                code = 1
                 try:
-                    respond(connection, known, run)
-                    code = 0
+                    respond(connection, known)
                 finally:
-                    os._exit(code)
+                    os._exit(0)
 
 
 def main(words: list[str]) -> int:
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # the first process of a container is deaf to it
     with socket.create_server(("", PORT), backlog=BACKLOG) as listener:
-        serve(listener, commands(words), run_hook)
+        serve(listener, commands(words))
     return 0

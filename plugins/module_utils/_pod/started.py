@@ -41,7 +41,7 @@ SETTLE = 0.5  # without a contract or a command nothing says what the node is st
 SETTLE_LAUNCH = 3.0  # nodes of a launch file start one after the other
 COMMAND_TIMEOUT = 5.0
 OUTPUT = 4096  # bytes of the command's, of which the last line is told
-PAUSES = (0.001, 0.002, 0.005, 0.01, 0.02)  # s between looks whether it has ended
+PAUSE = 0.01  # s between two looks whether it has ended
 
 
 def main(_words: list[str]) -> int:
@@ -49,11 +49,8 @@ def main(_words: list[str]) -> int:
     before = load_state(settings.node)
     ros = ros_of(os.environ)
     here, there = partial(names_here, ros, settings), partial(places, ros, settings)
-    outside = Outside(
-        run_command, here, is_here, there, partial(children, ros), partial(introduce, ros),
-        lambda: load_owed(settings), save_state,
-    )  # fmt: skip
-    reason = started(settings, before, ros, outside)
+    told = partial(children, ros), partial(introduce, ros), partial(load_owed, settings)
+    reason = started(settings, before, ros, Outside(run_command, here, is_here, there, *told, save_state))
     if reason:
         save_state(settings.node, State(failed=reason))
         sys.stdout.write(f"{reason}\n")
@@ -136,9 +133,8 @@ def owed_by(found: Record, revision: str) -> Owed:
     # from when it is judged on the keeper looks at it
     if found.proven or found.soak or not found.contract.nodes:
         return Owed(ignore=found.ignore)
-    if found.revision == revision:
-        return Owed(found.contract, "", found.ignore)
-    return Owed(None, found.revision, found.ignore)
+    mine = found.revision == revision
+    return Owed(found.contract if mine else None, "" if mine else found.revision, found.ignore)
 
 
 def message(checks: list[Check]) -> str:
@@ -146,12 +142,6 @@ def message(checks: list[Check]) -> str:
     worst = overall([check.verdict for check in checks])
     how = HOPELESS if worst == FAIL else "not ready: "
     return how + "; ".join(str(check) for check in checks if check.verdict == worst)
-
-
-def _fallen(child: Child, said: str) -> Check:
-    if child.respawn:
-        return Check("node", child.node, WAIT, said)
-    return Check("node", child.node, FAIL, f"{said}, and is not started again (no respawn in the launch file)")
 
 
 class Starting:
@@ -266,12 +256,12 @@ class Starting:
     def _misplaced(self, state: MasterState, own: Iterable[str]) -> list[Check]:
         """Private names of this version alone: the launcher is about to give them the place that others know."""
         suffix = f"_{self.settings.version}"
+        words = "is private to this version, and has to move to the name that others know"
         renamed = [node for node in own if node.endswith(suffix) and self.settings.launch == "overlap"]
-        named = (name for part in (state.publishers, state.subscribers, state.services) for name in part)
         kept = {f"{node}/{word}" for node in renamed for word in MANAGER}
-        loose = [name for name in sorted({*named} - kept) if any(name.startswith(f"{node}/") for node in renamed)]
-        return [Check("topic", name, WAIT, "is private to this version, and has to move to the name that others know")
-                for name in loose]  # fmt: skip
+        loose = sorted({*state.publishers, *state.subscribers, *state.services} - kept)
+        private = tuple(f"{node}/" for node in renamed)
+        return [Check("topic", name, WAIT, words) for name in loose if name.startswith(private)]
 
     def _ended(self, state: MasterState, now: bool = False) -> list[Check]:
         """Processes of the launch file that ended by an error, and are not up again: roslaunch goes on without them.
@@ -284,7 +274,9 @@ class Starting:
         if alone and due:
             hosts = {host_of(uri) for uri in self.outside.here(state).values()}
             ended = [child for child in self.outside.children(hosts) if not child.alive] if hosts else []
-            self.fallen = [_fallen(child, said) for child in ended if (said := crash(child))]
+            lasting = FAIL, ", and is not started again (no respawn in the launch file)"
+            words = ((child, crash(child), *((WAIT, "") if child.respawn else lasting)) for child in ended)
+            self.fallen = [Check("node", child.node, how, said + more) for child, said, how, more in words if said]
             self.fallen_at = self.now()
         return self.fallen
 
@@ -318,9 +310,8 @@ class Starting:
         registered = [(node.name, node.publications, node.subscriptions, node.services) for node in own]
         if registered != self.registered:
             self.registered, self.since = registered, self.now()
-        if self.now() - self.since < (SETTLE_LAUNCH if self.settings.launch else SETTLE):
-            return [Check("node", registered[0][0], WAIT, "it has only just registered what it has")]
-        return []
+        settled = self.now() - self.since >= (SETTLE_LAUNCH if self.settings.launch else SETTLE)
+        return [] if settled else [Check("node", registered[0][0], WAIT, "it has only just registered what it has")]
 
     def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
         """What the nodes say of their topics, and their rates, as these nodes alone publish them."""
@@ -330,10 +321,9 @@ class Starting:
         checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:
-            hertz: dict[str, float] = {}
+            seconds: dict[str, float] = {}
             for (topic, _node), hz in least.items():  # as long as the slowest of them asks for
-                hertz[topic] = min(hz, hertz.get(topic, hz))
-            seconds = {name: rate_window(hz) for name, hz in hertz.items()}
+                seconds[topic] = max(rate_window(hz), seconds.get(topic, 0.0))
             checks += check_rates(least, self.ros.rates(alone, seconds))
         return checks
 
@@ -344,55 +334,30 @@ class Starting:
 def run_command(command: list[str], seconds: float) -> str:
     """Why an app's readiness command did not end with status 0, or nothing if it did.
 
-    Not by subprocess: importing that would cost more than most of these commands.
+    What it leaves behind may keep its output open, so the end of that is not waited for.
     """
-    reader, writer = os.pipe()
+    # as long to import as most of these commands last, and most apps have none
+    from subprocess import PIPE, STDOUT, Popen  # noqa: PLC0415
+
     try:
-        actions = [(os.POSIX_SPAWN_DUP2, writer, 1), (os.POSIX_SPAWN_DUP2, writer, 2)]
         # there is no AnsibleModule in a pod, whose run_command would be called
         # pylint: disable-next=ansible-bad-function
-        child = os.posix_spawnp(command[0], command, os.environ, file_actions=actions, setpgroup=0)
+        child = Popen(command, stdout=PIPE, stderr=STDOUT, bufsize=0, start_new_session=True)  # noqa: S603 - the app's
     except OSError as error:
-        os.close(reader)
         return f"readiness.command cannot be run: {command[0]}: {error.strerror}"
-    finally:
-        os.close(writer)
-    try:
-        os.set_blocking(reader, False)
-        status, output = _wait(child, reader, time.monotonic() + seconds)
-    finally:
-        os.close(reader)
-    if status is None:
-        return f"readiness.command did not end within {seconds:g} s"
+    said, end, status = b"", time.monotonic() + seconds, None
+    with child.stdout as output:  # type: ignore[union-attr] # it is a pipe
+        os.set_blocking(output.fileno(), False)
+        while status is None:
+            time.sleep(PAUSE)
+            status = child.poll()
+            said = (said + (output.read(1 << 16) or b""))[-OUTPUT:]
+            if status is None and time.monotonic() > end:
+                os.killpg(child.pid, signal.SIGKILL)
+                child.wait()
+                return f"readiness.command did not end within {seconds:g} s"
     if status == 0:
         return ""
-    lines = output.decode("utf-8", "replace").strip().splitlines()
-    how = (
-        f"exited with {os.WEXITSTATUS(status)}"
-        if os.WIFEXITED(status)
-        else f"was ended by signal {os.WTERMSIG(status)}"
-    )
+    lines = said.decode("utf-8", "replace").strip().splitlines()
+    how = f"exited with {status}" if status > 0 else f"was ended by signal {-status}"
     return f"readiness.command {how}" + (f": {lines[-1][:200]}" if lines else "")
-
-
-def _wait(child: int, reader: int, end: float) -> tuple[int | None, bytes]:
-    """Its status, None if it had to be killed, and the end of what it wrote."""
-    output, turn = b"", 0
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        output = (output + _read(reader))[-OUTPUT:]
-        if done:
-            return status, output
-        if time.monotonic() > end:
-            os.killpg(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            return None, output
-        time.sleep(PAUSES[min(turn, len(PAUSES) - 1)])
-        turn += 1
-
-
-def _read(reader: int) -> bytes:
-    try:
-        return os.read(reader, 1 << 16)
-    except BlockingIOError:
-        return b""

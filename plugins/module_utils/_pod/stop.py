@@ -17,7 +17,8 @@ from typing import Any, Callable, Sequence
 
 from .._common.poll import PASS, WAIT, Seen, poll
 from .._ros import keeper_client
-from .._ros.graph import BUSY_STATES, GOAL_STATES, StatusReading
+from .._ros.checks import idle
+from .._ros.graph import NodeKey, StatusReading
 from .._ros.rpc import in_parallel
 from .own_node import OwnNode, own_nodes
 from .state import CALLER, TIMEOUT, load_settings
@@ -30,15 +31,14 @@ CALL_TICK = 0.05
 LOG = "/proc/1/fd/1"  # of the container
 
 Hold = Callable[[str, str, float, float], str]  # action, server, seconds to hold, seconds to answer -> why not
+Failed = Callable[[BaseException], Any]
 
 
 def why(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def together(
-    tasks: Sequence[Callable[[], Any]], seconds: float, failed: Callable[[BaseException], Any] = why
-) -> list[Any]:
+def together(tasks: Sequence[Callable[[], Any]], seconds: float, failed: Failed = why) -> list[Any]:
     """What each of them returned, or what `failed` makes of its error. Who hangs holds up nobody else."""
     return list(in_parallel(dict(enumerate(tasks)), seconds, lambda _key, error: failed(error)).values())
 
@@ -77,7 +77,7 @@ def main(_words: list[str]) -> int:
     try:
         remarks = _main()
     except Exception as error:  # whatever goes wrong here, the pod is going to be stopped
-        remarks = [f"stop hook: {type(error).__name__}: {error}"]
+        remarks = [f"stop hook: {why(error)}"]
     if remarks:
         tell("rosops.fleet: " + "; ".join(remarks))
     return 0
@@ -108,66 +108,53 @@ def stop(
     except Exception as error:  # a node that cannot be drained has to be stopped all the same
         remarks = [f"not drained: {why(error)}"]
     remarks += let_calls_end(nodes, ends, clock)
-    remarks += hand_over(nodes, ends, clock)  # last: a goal or a call may latch something
-    if not expect_node:
-        # roslaunch takes the end of a node for its failure, and starts it again or ends the others: so they only leave
-        # the graph, and what still calls them comes to its end, before it gets its signal
-        seconds = clock.left(ends.away)
-        left = clock.together([partial(node.unregister, seconds) for node in nodes], seconds, str)
-        remarks += [f"not unregistered: {error}" for error in left if error is not None]
-        return list(dict.fromkeys([*remarks, *let_calls_end(nodes, ends, clock)]))
-    for node in nodes:
-        try:
-            node.unregister(clock.left(ends.away))
-        except Exception as error:  # a master that is away will know nothing of the node when it comes back
-            remarks.append(f"not unregistered: {error}")
-        try:  # before its end, for which the next version of this name waits
-            node.forget(clock.left(ends.away))
-        except Exception as error:
-            remarks.append(f"its parameters stay: {error}")
-        # a call may have come meanwhile; from now on nobody finds the node any more
-        remarks += let_calls_end([node], ends, clock)
-        # It unregisters by itself, too, but rospy does so in a thread that ends with the process, and the main thread
-        # sees the shutdown first: on a busy machine half of it stayed registered.
+    words = _each([node.hand_over for node in nodes], ends.late, clock)  # last: a goal or a call may latch something
+    remarks += [f"what {node.name} has latched goes with it: {word}" for node, word in zip(nodes, words) if word]
+    # It unregisters by itself, too, but rospy does so in a thread that ends with the process, and the main thread sees
+    # the shutdown first: on a busy machine half of it stayed registered. A master that is away will know nothing of it
+    # when it comes back.
+    words = _each([node.unregister for node in nodes], ends.away, clock, str)
+    remarks += [f"not unregistered: {word}" for word in words if word]
+    if expect_node:  # before its end, for which the next version of this name waits
+        words = _each([node.forget for node in nodes], ends.away, clock, str)
+        remarks += [f"its parameters stay: {word}" for word in words if word]
+    # a call may have come meanwhile; from now on nobody finds the node any more
+    remarks += let_calls_end(nodes, ends, clock)
+    # roslaunch takes the end of a node for its failure, and starts it again or ends the others: those get its signal
+    for node in nodes if expect_node else ():
         node.shut_down(clock.left(ends.all))
     return list(dict.fromkeys(remarks))
+
+
+def _each(calls: Sequence[Callable[[float], Any]], end: float, clock: Time, failed: Failed = why) -> list[Any]:
+    """What each returned that may last until `end`, or what is made of its error; all at once."""
+    seconds = clock.left(end)
+    return clock.together([partial(call, seconds) for call in calls], seconds, failed)
 
 
 def let_calls_end(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str]:
     """Wait until no service call is under way; a client that only stays connected is not waited for."""
 
     def probe() -> Seen:
-        seconds = clock.left(ends.late)
         # none where neither the kernel nor the node tells: it serves nobody any more
-        calls = sum(clock.together([partial(node.calls, seconds) for node in nodes], seconds, lambda _error: 0))
+        calls = sum(_each([node.calls for node in nodes], ends.late, clock, lambda _error: 0))
         return Seen(WAIT if calls else PASS, calls)
 
     ended = poll(probe, max(ends.quiet - clock.now(), 0.0), CALL_TICK, now=clock.now, sleep=clock.sleep)
     return [] if ended.verdict == PASS else [f"stopped with {ended.last} service calls under way"]
 
 
-def hand_over(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str]:
-    """Have the keeper take what they have latched, all at once; why not, of those of which it does not."""
-    seconds = clock.left(ends.late)
-    words = clock.together([partial(node.hand_over, seconds) for node in nodes], seconds)
-    return [f"what {node.name} has latched goes with it: {word}" for node, word in zip(nodes, words) if word]
-
-
 def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
     """Wait until no goal is open. New ones are held back where a keeper does that, so that this has an end."""
-    seconds = clock.left(ends.quiet)
-    served = clock.together([partial(node.actions, seconds) for node in nodes], seconds)
+    served = _each([node.actions for node in nodes], ends.quiet, clock)
     remarks = [f"not drained: {names}" for names in served if isinstance(names, str)]
     found = [(node, names) for node, names in zip(nodes, served) if not isinstance(names, str)]
     actions = [(node, action) for node, names in found for action in names]
     if not actions:
         return remarks
-    held = []
-    for (node, action), reason in zip(actions, _hold(actions, hold, ends, clock)):
-        if reason:
-            remarks.append(f"goals of {action} are not held: {reason}")
-        else:
-            held.append((node, action))
+    unheld = dict(zip(actions, _hold(actions, hold, ends, clock)))
+    remarks += [f"goals of {action} are not held: {reason}" for (_node, action), reason in unheld.items() if reason]
+    held = [one for one in actions if not unheld[one]]
     uncut: dict[str, str] = {}
 
     def probe() -> Seen:
@@ -175,10 +162,10 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) 
         # at every look: the master tells the server of each new client
         cut = clock.together([partial(node.isolate, action, seconds) for node, action in held], seconds)
         uncut.update({action: word for (_node, action), word in zip(held, cut) if word})
-        seconds = clock.left(ends.late)
-        tasks = [partial(node.status, action, seconds) for node, action in actions]
-        read = clock.together(tasks, seconds, lambda error: StatusReading(error=why(error)))
-        open_goals = [word for (_node, action), status in zip(actions, read) for word in busy(action, status)]
+        tasks = [partial(node.status, action) for node, action in actions]
+        read = _each(tasks, ends.late, clock, lambda error: StatusReading(error=why(error)))
+        looks = [(action, *idle(NodeKey(node.name), status)) for (node, action), status in zip(actions, read)]
+        open_goals = [f"{action} {reason}" for action, verdict, reason in looks if verdict != PASS]
         return Seen(WAIT if open_goals else PASS, open_goals)
 
     # Twice: a look may begin with a status from before the isolation, and a goal on its way stands in none yet.
@@ -186,9 +173,8 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) 
     ended = poll(probe, wait, 0.1, consecutive=2, now=clock.now, sleep=clock.sleep)
     remarks += [f"clients of {action} were not cut off from it: {word}" for action, word in uncut.items()]
     if ended.verdict != PASS:
-        remarks.append(
-            f"stopped with open goals after {ended.elapsed:.0f} s: {', '.join(ended.last) or 'idle once only'}"
-        )
+        said = "; ".join(ended.last) or "idle once only"
+        remarks.append(f"stopped with open goals after {ended.elapsed:.0f} s: {said}")
     return remarks
 
 
@@ -200,14 +186,6 @@ def _hold(actions: Sequence[tuple[OwnNode, str]], hold: Hold | None, ends: Ends,
     seconds = max(LEAST, min(keeper_client.TIMEOUT, left / 2))
     tasks = [partial(hold, action, node.name, max(left, 0.0) + HOLD, seconds) for node, action in actions]
     return clock.together(tasks, seconds)
-
-
-def busy(action: str, status: StatusReading) -> list[str]:
-    """What is under way, in words; a status that cannot be read twice counts as that."""
-    states = [state for reading in status.readings for state in reading if state in BUSY_STATES]
-    if states:
-        return [f"{action} {GOAL_STATES[states[-1]]}"]
-    return [] if len(status.readings) > 1 else [f"{action} unknown ({status.error or 'no second status'})"]
 
 
 def tell(line: str) -> None:

@@ -90,7 +90,7 @@ def check_service(graph: Graph, name: str) -> Check:
     return Check("service", name, PASS, f"served by {probe.provider or providers}", observed)
 
 
-def _idle(server: NodeKey, status: StatusReading) -> tuple[str, str]:
+def idle(server: NodeKey, status: StatusReading) -> tuple[str, str]:
     """Idle must be seen twice: a goal that is on its way stands in no list yet."""
     busy = [state for reading in status.readings for state in reading if state in BUSY_STATES]
     if busy:
@@ -126,7 +126,7 @@ def check_action(graph: Graph, wanted: ActionCondition) -> Check:
         return Check("action", wanted.name, WAIT, f"no status can be read: {told}", observed)
     if wanted.state == "idle":
         counted = [key for key in read if key in alive or (key.name == wanted.server and not read[key].refused)]
-        seen = [_idle(key, read[key]) for key in counted]
+        seen = [idle(key, read[key]) for key in counted]
         verdict = overall([one for one, _reason in seen])
         told = "; ".join(reason for one, reason in seen if one == verdict)
         return Check("action", wanted.name, verdict, told, observed)

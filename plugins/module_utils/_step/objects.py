@@ -32,7 +32,6 @@ def labels_of(item: Object | None) -> Mapping[str, str]:
 
 
 def app_of(item: Object) -> str:
-    """The app that a Deployment or a pod of ours belongs to."""
     return str(labels_of(item).get(APP, ""))
 
 
@@ -55,7 +54,6 @@ def node_of(deployment: Object) -> str:
 
 
 def handoff_of(deployment: Object) -> str:
-    """How its versions follow each other."""
     return annotations_of(deployment["spec"]["template"]).get(HANDOFF, "replace")
 
 
@@ -76,7 +74,6 @@ def rolled_out(deployment: Object) -> bool:
 
 
 def revision_of_pod(pod: Object) -> str:
-    """That of its template."""
     return str(labels_of(pod).get(REVISION) or annotations_of(pod).get(HASH, "")[:8])
 
 

@@ -7,7 +7,7 @@ Pods have no database of time zones, so what is kept for the keeper has the turn
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import date, datetime, time, timedelta, tzinfo
+from datetime import date, datetime, time, timedelta
 from typing import Sequence, Tuple, TypedDict
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -37,59 +37,39 @@ class Windows:
         return bool(self.spans)
 
     @property
-    def clock(self) -> tzinfo:
-        return Clock(self.turns)
+    def offsets(self) -> tuple[Turn, ...]:
+        """The turns of the zone's clock."""
+        return self.turns or ((0.0, 0.0),)
 
     def opens_at(self, wall: float) -> float:
         """When the robot may be changed, `wall` or later; both in seconds since 1970."""
-        if not self.spans:
-            return wall
-        zone = self.clock
-        today = datetime.fromtimestamp(wall, zone).date()
+        today = self._shown(wall).date()
         days = [today + timedelta(days=number) for number in range(-1, AHEAD)]
         found = [
-            _seconds(span, day, zone)
+            self._seconds(span, day)
             for span in self.spans
             for day in days
             if not span.get("days") or DAYS[day.weekday()] in span["days"]
         ]
-        return min(max(start, wall) for start, end in found if start < end and wall < end)
+        return min((max(start, wall) for start, end in found if start < end and wall < end), default=wall)
 
     def told(self, opens: float) -> str:
         """This moment in words."""
-        return f"{datetime.fromtimestamp(opens, self.clock):%Y-%m-%d %H:%M} ({self.zone})"
+        return f"{self._shown(opens):%Y-%m-%d %H:%M} ({self.zone})"
 
+    def _shown(self, wall: float) -> datetime:
+        """What the clock shows then."""
+        past = [now for since, now in self.offsets if since <= wall]
+        return EPOCH + timedelta(seconds=wall + (past or [self.offsets[0][1]])[-1])
 
-class Clock(tzinfo):
-    """Of a zone, by its turns. An hour that it shows twice is the first one, as zoneinfo has it."""
+    def _seconds(self, span: Span, day: date) -> tuple[float, float]:
+        """Its start and its end; where the clock is turned the end may come first."""
+        start, end = (timedelta(hours=int(text[:2]), minutes=int(text[3:])) for text in (span["from"], span["to"]))
+        midnight = datetime.combine(day, time()) - EPOCH
+        return self._since(midnight + start), self._since(midnight + end + timedelta(days=end <= start))
 
-    def __init__(self, turns: Sequence[Turn]) -> None:
-        self.turns = turns or ((0.0, 0.0),)
-
-    def utcoffset(self, dt: datetime | None) -> timedelta:
-        local = ((dt or EPOCH).replace(tzinfo=None) - EPOCH).total_seconds()
-        later = [
-            now
-            for (_since, before), (since, now) in zip(self.turns, self.turns[1:])
-            if local >= since + max(before, now)
-        ]
-        return timedelta(seconds=[self.turns[0][1], *later][-1])
-
-    def fromutc(self, dt: datetime) -> datetime:
-        seconds = (dt.replace(tzinfo=None) - EPOCH).total_seconds()
-        past = [now for since, now in self.turns if since <= seconds]
-        return dt + timedelta(seconds=[self.turns[0][1], *past][-1])
-
-    def dst(self, _at: datetime | None) -> None:
-        """It is not told."""
-
-    def tzname(self, _at: datetime | None) -> None:
-        """The same."""
-
-
-def _seconds(span: Span, day: date, zone: tzinfo) -> tuple[float, float]:
-    """Its start and its end; where the zone's clock is turned the end may come first."""
-    start, end = (timedelta(hours=int(text[:2]), minutes=int(text[3:])) for text in (span["from"], span["to"]))
-    end += timedelta(days=end <= start)
-    midnight = datetime.combine(day, time(), zone)  # what is added to it counts by the clock
-    return (midnight + start).timestamp(), (midnight + end).timestamp()
+    def _since(self, shown: timedelta) -> float:
+        """When the clock shows that; what it shows twice is the first one."""
+        local, turns = shown.total_seconds(), self.offsets
+        later = [now for (_, before), (since, now) in zip(turns, turns[1:]) if local >= since + max(before, now)]
+        return local - [turns[0][1], *later][-1]

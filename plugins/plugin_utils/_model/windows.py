@@ -20,13 +20,13 @@ class Windows(windows.Windows):
     """Those of the inventory."""
 
     @property
-    def clock(self) -> ZoneInfo:
-        return ZoneInfo(self.zone)
+    def offsets(self) -> tuple[Turn, ...]:
+        return _turns(self.zone)
 
     @property
     def kept(self) -> dict[str, object]:
         """As the keeper reads them."""
-        return {"spans": self.spans, "zone": self.zone, "turns": _turns(self.zone) if self.spans else ()}
+        return {"spans": self.spans, "zone": self.zone, "turns": self.offsets if self.spans else ()}
 
 
 ALWAYS = Windows()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from typing import Any
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step import words
@@ -15,12 +16,14 @@ from .._model.app import App
 from .._model.context import Robot
 from .._model.merge import deep_merge
 from . import pod_code as hooks
-from .belongings import container_ports, file_volumes
+from .belongings import container_ports, file_volumes, owner_of
 from .common import (
+    ALL,
+    APPS,
     RECREATE_STRATEGY,
     annotate,
-    canonical_hash,
     field_variable,
+    harden,
     mount,
     node_selector,
     pod_spec,
@@ -28,12 +31,12 @@ from .common import (
     workload,
 )
 from .pod_settings import app_settings, gate_settings
-from .security import ALL, APPS, harden
 
 REVISION_LENGTH = 8
 _REFERENCE = re.compile(r"\$\(([-._a-zA-Z0-9]+)\)")  # kubernetes.io, "Define Dependent Environment Variables"
 # Under `overlap` the new pod comes beside the old one, under a ROS node name of its own; else the old one goes first.
 OVERLAP_STRATEGY = {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": 1, "maxUnavailable": 0}}
+REVISION = field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']")
 
 
 def app_objects(robot: Robot) -> list[Object]:
@@ -50,71 +53,52 @@ def app_deployment(app: App, robot: Robot) -> Object:
     known in the pod alone (`_ros/names.py`).
     """
     deployment = deep_merge(plain_deployment(app, robot), app.overrides)
-    template = _template(deployment, app)
-    container = _app_container(template, app)
+    template, container = _template(deployment, app)
     harden(container, APPS)
     beside = [one for one in template["spec"].get("initContainers") or [] if one["name"] == names.SIDECAR]
     for one in beside:
         harden(one, ALL)
-    template_hash = canonical_hash(template)
-    revision = template_hash[:REVISION_LENGTH]
-    args = [*(container.get("args") or []), *naming_args(app, robot, revision)]
-    if args:
+    metadata = annotate(template)["metadata"]
+    revision = metadata["annotations"][names.ANNOTATION_HASH][:REVISION_LENGTH]
+    # Two revisions that overlap need two ROS names, else the master makes them evict each other. So do two pod
+    # templates of one revision: `kubectl rollout restart` makes another one.
+    suffix = f"_{revision}" if app.handoff == "overlap" else ""
+    in_pod = app.node_name + (f"{suffix}_$({names.TEMPLATE_ENV})" if suffix else "")
+    if args := [*(container.get("args") or []), *_naming_args(app, robot, in_pod)]:
         container["args"] = args
-    told = not (app.launch or app.hooks == "gate")
-    own_name = [variable(names.NODE_NAME_ENV, app.node_name + suffix_in_pod(app, revision))] if told else []
+    told = [] if app.launch or app.hooks == "gate" else [variable(names.NODE_NAME_ENV, in_pod)]
     for one in [container, *beside]:
-        one["env"] = [*(one.get("env") or []), *own_name]
-    metadata = template["metadata"]
+        one["env"] = [*(one.get("env") or []), *told]
     metadata["labels"] = {**(metadata.get("labels") or {}), names.LABEL_REVISION: revision}
-    metadata["annotations"] = {
-        **(metadata.get("annotations") or {}),
-        names.ANNOTATION_HASH: template_hash,
-        # the nodes of a launch file have names of their own
-        **({} if app.launch else {names.ANNOTATION_NODE: context.graph_node(app, robot, name_suffix(app, revision))}),
-    }
+    if not app.launch:  # whose nodes have names of their own
+        metadata["annotations"][names.ANNOTATION_NODE] = context.graph_node(app, robot, suffix)
     return annotate(deployment)
 
 
 def plain_deployment(app: App, robot: Robot) -> Object:
     """The Deployment before the overrides and without the ROS node name."""
-    return workload(
-        app.name,
-        context.namespace_of(app, robot),
-        None if app.scope == "fleet" else robot.name,
-        _pod_spec(app, robot),
-        strategy=OVERLAP_STRATEGY if app.handoff == "overlap" else RECREATE_STRATEGY,
-        annotations={names.ANNOTATION_HANDOFF: app.handoff, **_liveness(app), **_gated(app, robot)},
-    )
-
-
-def _gated(app: App, robot: Robot) -> Object:
-    """What is to be seen of its pods on the graph, for who looks at them from outside."""
-    settings = gate_settings(app, robot) if app.hooks == "gate" else None
-    return {names.ANNOTATION_SETTINGS: json.dumps(settings, sort_keys=True)} if settings else {}
-
-
-def _liveness(app: App) -> Object:
-    usual = app.liveness_timeout == words.LIVENESS_TIMEOUT
-    return {} if usual else {words.LIVENESS: str(app.liveness_timeout)}
-
-
-def _pod_spec(app: App, robot: Robot) -> Object:
-    # with the host's network the Service name ros-master resolves only when it is asked for
-    network = {"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"} if app.host_network else {}
-    beside = {"initContainers": [hooks.sidecar(app, robot, _for_hooks(app, robot))]} if app.hooks == "sidecar" else {}
+    notes, pod = {names.ANNOTATION_HANDOFF: str(app.handoff)}, dict[str, Any]()
+    if app.liveness_timeout != words.LIVENESS_TIMEOUT:
+        notes[words.LIVENESS] = str(app.liveness_timeout)
+    if app.host_network:  # then the Service name ros-master resolves only when it is asked for
+        pod = {"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"}
+    if app.hooks == "sidecar":
+        pod["initContainers"] = [hooks.sidecar(app, robot, _for_hooks(app, robot))]
+    if app.hooks == "gate":  # who looks at its pods from outside is told what is to be seen of them
+        pod["readinessGates"] = [{"conditionType": words.READINESS}]
+        notes[names.ANNOTATION_SETTINGS] = json.dumps(gate_settings(app, robot), sort_keys=True)
     code = [hooks.code_volume(app)] if app.hooks in hooks.IN_POD else []
-    gate = {"readinessGates": [{"conditionType": words.READINESS}]} if app.hooks == "gate" else {}
-    return pod_spec(
+    spec = pod_spec(
         [_container(app, robot)],
         [*(source for source, _mount in _volumes(app)), *code],
         robot.pull_secrets,
         terminationGracePeriodSeconds=app.termination_grace_period,
         nodeSelector=node_selector(app.placement, robot.name),
-        **network,
-        **beside,
-        **gate,
+        **pod,
     )
+    strategy = OVERLAP_STRATEGY if app.handoff == "overlap" else RECREATE_STRATEGY
+    namespace, owner = context.namespace_of(app, robot), owner_of(app, robot)
+    return workload(app.name, namespace, owner, spec, strategy=strategy, annotations=notes)
 
 
 def _container(app: App, robot: Robot) -> Object:
@@ -132,7 +116,7 @@ def _container(app: App, robot: Robot) -> Object:
         container["ports"] = container_ports(app)
     if app.resources:
         container["resources"] = dict(app.resources)
-    code = [hooks.code_mount()] if app.hooks == "app" or app.launch else []
+    code = [hooks.CODE_MOUNT] if app.hooks == "app" or app.launch else []
     mounts = [*(target for _source, target in _volumes(app)), *code]
     if mounts:
         container["volumeMounts"] = mounts
@@ -147,10 +131,13 @@ def _container(app: App, robot: Robot) -> Object:
 
 def _environment(app: App, robot: Robot) -> list[Object]:
     """The collection's variables first; what the app sets itself wins over them, except for the node's name."""
-    found = _for_hooks(app, robot)
-    if app.hooks == "sidecar":
-        found = [*_ros_environment(app, robot), *([_revision()] if app.launch else [])]
-    found += [_said(key, app.env[key]) for key in _in_order(app.env)]
+    found = _ros_environment(app, robot) if app.hooks == "sidecar" else _for_hooks(app, robot)
+    if app.hooks == "sidecar" and app.launch:
+        found.append(REVISION)
+    for key in _in_order(app.env):
+        said = app.env[key]
+        secret = None if isinstance(said, str) else {"secretKeyRef": {"name": said["secret"], "key": said["key"]}}
+        found.append({"name": key, "valueFrom": secret} if secret else variable(key, str(said)))
     return list({item["name"]: item for item in found}.values())
 
 
@@ -173,12 +160,8 @@ def _for_hooks(app: App, robot: Robot) -> list[Object]:
     found = _ros_environment(app, robot)
     if app.hooks in hooks.IN_POD:
         settings = json.dumps(app_settings(app, robot), sort_keys=True)
-        found += [variable(names.SETTINGS_ENV, hooks.literal(settings)), _revision()]
+        found += [variable(names.SETTINGS_ENV, hooks.literal(settings)), REVISION]
     return found
-
-
-def _revision() -> Object:
-    return field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']")
 
 
 def _in_order(env: Mapping[str, object]) -> list[str]:
@@ -199,12 +182,6 @@ def _in_order(env: Mapping[str, object]) -> list[str]:
     return found
 
 
-def _said(key: str, value: str | Mapping[str, str]) -> Object:
-    if isinstance(value, str):
-        return variable(key, value)
-    return {"name": key, "valueFrom": {"secretKeyRef": {"name": value["secret"], "key": value["key"]}}}
-
-
 def _volumes(app: App) -> list[tuple[Object, Object]]:
     """Pairs of a pod's volume and the container's mount of it: claims, files, devices, host paths."""
     pairs: list[tuple[Object, Object]] = []
@@ -222,44 +199,27 @@ def _volumes(app: App) -> list[tuple[Object, Object]]:
     return pairs
 
 
-def naming_args(app: App, robot: Robot, revision: str) -> list[str]:
+def _naming_args(app: App, robot: Robot, in_pod: str) -> list[str]:
     """ROS remapping arguments: the node's name and, under overlap, its private names kept where others expect them.
 
     None for an app that names its nodes itself: without any, its image runs what it runs by itself.
     """
-    if app.launch:
+    overlaps = app.handoff == "overlap"
+    if app.launch or not (overlaps or app.readiness.nodes):
         return []
-    args = []
-    if app.handoff == "overlap":
-        stable = context.graph_node(app, robot)
-        args = [f"~{private}:={stable}/{private}" for private in app.private_names]
-    names_itself = not app.readiness.nodes and app.handoff != "overlap"
-    return [*args, *([] if names_itself else [f"__name:={app.node_name}{suffix_in_pod(app, revision)}"])]
+    stable = context.graph_node(app, robot)
+    private = [f"~{name}:={stable}/{name}" for name in app.private_names] if overlaps else []
+    return [*private, f"__name:={in_pod}"]
 
 
-def name_suffix(app: App, revision: str) -> str:
-    """Two revisions that overlap need two ROS names, else the master makes them evict each other."""
-    return f"_{revision}" if app.handoff == "overlap" else ""
-
-
-def suffix_in_pod(app: App, revision: str) -> str:
-    """The same, and with it which pod template it is: `kubectl rollout restart` makes another one of a revision."""
-    return f"{name_suffix(app, revision)}_$({names.TEMPLATE_ENV})" if app.handoff == "overlap" else ""
-
-
-def _template(deployment: Object, app: App) -> Object:
+def _template(deployment: Object, app: App) -> tuple[Object, Object]:
+    """The pod template, and the app's container in it."""
     try:
         template: Object = deployment["spec"]["template"]
-        template["spec"]["containers"]
-        template["metadata"]
-        deployment["metadata"]
+        containers, _there = template["spec"]["containers"], (template["metadata"], deployment["metadata"])
     except (KeyError, TypeError):
         raise SpecError(f"the overrides of app {app.name} remove its pod template") from None
-    return template
-
-
-def _app_container(template: Object, app: App) -> Object:
-    for container in template["spec"]["containers"]:
+    for container in containers:
         if isinstance(container, dict) and container.get("name") == names.APP_CONTAINER:
-            return container
+            return template, container
     raise SpecError(f"the overrides of app {app.name} remove its container {names.APP_CONTAINER}")

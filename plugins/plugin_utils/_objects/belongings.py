@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 
 from ...module_utils._step.objects import Object
 from .._model import context, names
-from .._model.app import App
+from .._model.app import App, Port
 from .._model.context import Robot
 from .common import canonical_hash, config_map, made, mount, object_labels, owner_labels, pod_selector
 
@@ -39,21 +39,18 @@ def file_volumes(app: App) -> Iterable[tuple[Object, Object]]:
 
 def container_ports(app: App) -> list[Object]:
     """The container's ports; those of the host's network are the host's anyway."""
-    return [
-        {
-            "name": port.name,
-            "containerPort": port.port,
-            "protocol": port.protocol,
-            **({"hostPort": port.host_port} if port.host_port else {}),
-        }
-        for port in app.ports
-    ]
+    return [_named(port, containerPort=port.port, hostPort=port.host_port) for port in app.ports]
+
+
+def _named(of: Port, **numbers: int | str | None) -> Object:
+    """What a port is called, and those of its numbers that it has."""
+    return {"name": of.name, "protocol": of.protocol, **{key: one for key, one in numbers.items() if one}}
 
 
 def _file_maps(robot: Robot) -> Iterator[Object]:
     for app in robot.apps:
         if content := _content(app):
-            labels = {**owner_labels(_owner(app, robot)), names.LABEL_FILES: app.name}
+            labels = {**owner_labels(owner_of(app, robot)), names.LABEL_FILES: app.name}
             held = config_map(_map_name(app), context.namespace_of(app, robot), labels, content)
             yield {**held, "immutable": True}
 
@@ -68,21 +65,13 @@ def _map_name(app: App) -> str:
 
 
 def _service(app: App, robot: Robot) -> Object:
-    ports = [
-        {
-            "name": port.name,
-            "port": port.port,
-            "targetPort": port.name,
-            "protocol": port.protocol,
-            **({"nodePort": port.node_port} if port.node_port else {}),
-        }
-        for port in app.ports
-    ]
+    ports = [_named(port, port=port.port, targetPort=port.name, nodePort=port.node_port) for port in app.ports]
     outside = any(port.node_port for port in app.ports)
-    labels = object_labels(app.name, _owner(app, robot))
+    labels = object_labels(app.name, owner_of(app, robot))
     spec = {"type": "NodePort" if outside else "ClusterIP", "selector": pod_selector(app.name), "ports": ports}
     return made("v1", "Service", app.name, context.namespace_of(app, robot), labels, spec=spec)
 
 
-def _owner(app: App, robot: Robot) -> str | None:
+def owner_of(app: App, robot: Robot) -> str | None:
+    """The robot to which an app belongs; None for one of the whole fleet."""
     return None if app.scope == "fleet" else robot.name

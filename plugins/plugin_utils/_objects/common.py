@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every object of the collection has in common: labels, hashes, and the frame of a Deployment. Pure."""
+"""What every object of the collection has in common: labels, hashes, the frame of a Deployment, its rights. Pure."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 from ...module_utils._step.objects import Object
 from .._model import names
+from .._model.app import App
 
 Files = Mapping[str, str | bytes]  # name -> content
 REVISION_HISTORY = 3
@@ -113,10 +114,7 @@ def annotate(item: Object) -> Object:
 
 
 def pod_spec(
-    containers: Sequence[Object],
-    volumes: Sequence[Object] = (),
-    pull_secrets: Sequence[str] = (),
-    **more: Any,
+    containers: Sequence[Object], volumes: Sequence[Object] = (), pull_secrets: Sequence[str] = (), **more: Any
 ) -> Object:
     """A pod without access to the API, unless `more` says so, and not told the addresses of all Services."""
     token = more.pop("automountServiceAccountToken", False)
@@ -135,12 +133,10 @@ def node_selector(placement: str, robot: str) -> dict[str, str]:
 
 
 def mount(name: str, path: str, read_only: bool = False) -> Object:
-    """A container's mount of a pod's volume."""
     return {"name": name, "mountPath": path, **({"readOnly": True} if read_only else {})}
 
 
 def variable(name: str, value: str) -> Object:
-    """A container's environment variable."""
     return {"name": name, "value": value}
 
 
@@ -163,3 +159,42 @@ def canonical_hash(value: Any) -> str:
     """SHA-256 of the value as JSON with sorted keys and no blanks."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+# ---- what a container may do on its host
+
+ALL = ("ALL",)
+# Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
+# speak in another one's name on the pods' network. What entrypoints and drivers do use (files of other users, changing
+# the user) stays.
+APPS = ("AUDIT_WRITE", "MKNOD", "NET_RAW", "SETFCAP", "SETPCAP", "SYS_CHROOT")
+# For a privileged container the API refuses to have escalation forbidden.
+_MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
+
+
+def harden(container: Object, drop: Sequence[str]) -> None:
+    """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
+    given: Object = dict(container.get("securityContext") or {})
+    asked = given.get("capabilities") or {}
+    added = {*(asked.get("add") or ())}
+    # container runtimes add first and drop then, but for ALL, which they drop before: what is asked for by name is kept
+    capabilities = {"drop": [one for one in drop if one not in added and "ALL" not in added], **asked}
+    if given.get("privileged") or _MIGHTY & added:
+        return
+    container["securityContext"] = {
+        "allowPrivilegeEscalation": False,
+        "seccompProfile": {"type": "RuntimeDefault"},
+        **given,
+        "capabilities": capabilities,
+    }
+
+
+def more_than_baseline(app: App) -> str:
+    """What of an app the level `baseline` of Kubernetes' Pod Security Standards forbids, or nothing."""
+    asked = {
+        "devices": app.devices,
+        "host_paths": app.host_paths,
+        "host_network": app.host_network,
+        "host_port": [port for port in app.ports if port.host_port],
+    }
+    return ", ".join(key for key, value in asked.items() if value)

@@ -7,20 +7,25 @@ goes first, and the master once the new keeper is ready, which it is not before 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Sequence
 from typing import Any
 
 from ...module_utils._common.documents import Variables
-from ...module_utils._exporter.exporter import HEALTHY
+from ...module_utils._exporter.exporter import HEALTHY, PATH
 from ...module_utils._step.objects import Object
+from ...module_utils._step.update_record import NAME as UPDATES
 from .._model import context, names
 from .._model.context import Robot
+from .._model.formats import quantity_value
 from .._model.merge import deep_merge
 from .common import (
+    ALL,
     FOR_EVER,
     ONE_HEAP,
     cluster_service,
     field_variable,
+    harden,
     hashed,
     mount,
     node_selector,
@@ -28,9 +33,7 @@ from .common import (
     variable,
     workload,
 )
-from .metrics import metrics_share
-from .pod_code import code_command, code_mount, code_volume
-from .security import ALL, harden
+from .pod_code import CODE_MOUNT, code_command, code_volume
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -54,6 +57,14 @@ KEEPS_NOTHING = ["--keep", "off"]  # a keeper beside an external master, which o
 RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
 # Measured with ten nodes, and scraped: 0.4 % of a core and 25 MB; there is room for a hundred and for held goals.
 KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "192Mi"}}
+
+UPDATES_DIR = "/etc/rosops-fleet/updates"
+STORAGE = "/var/lib/rancher/k3s/storage"  # where k3s' class local-path has its volumes
+CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
+# Only with claims, mounted read-only: apps' directories may be closed to others. Not DAC_READ_SEARCH, which sounds like
+# less but opens files by handle, those outside of the mount, too.
+SEE_ALL = "DAC_OVERRIDE"
+CLOSED = ("baseline", "restricted")  # levels that allow no directory of the host
 
 
 def master_objects(robot: Robot) -> list[Object]:
@@ -97,71 +108,85 @@ def plain_master(robot: Robot) -> Object:
         # registration, which is worse than a slow answer.
         "lifecycle": {"postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}}},
     }
-    return with_the_master(robot, names.MASTER_NAME, container, grace=30)
+    return _with_the_master(robot, names.MASTER_NAME, container, (), None, terminationGracePeriodSeconds=30)
 
 
 def plain_keeper(robot: Robot) -> Object:
-    """The Deployment before the overrides."""
-    keeps, shown = robot.master.mode != "external", metrics_share(robot)
-    forwarding = () if robot.master.goal_forwarding else ("--goal-forwarding", "off")
-    words = ["--record", RECORD_DIR, *forwarding] if keeps else KEEPS_NOTHING
+    """The Deployment before the overrides. Whichever robot that of a shared master comes from, it is the same."""
+    command, volumes, mounts, account = code_command("keeper"), [code_volume()], [CODE_MOUNT], dict[str, Any]()
+    keeps = robot.master.mode != "external"
     # asked of its server, which answers while its look at the master goes on: no process, next to no CPU
     probe = _asked("/ready")
-    container = {
+    container: Object = {
         "name": names.KEEPER_NAME,
         "image": robot.master.image,
         "imagePullPolicy": "IfNotPresent",
-        "command": [*code_command("keeper"), *words, *shown.words],
-        "env": master_environment(robot),
+        "command": command,
+        "env": [
+            variable("ROS_MASTER_URI", context.master_uri(robot)),
+            field_variable("ROS_IP", "status.podIP"),
+            ONE_HEAP,
+        ],
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": KEEPERS,
-        **shown.security,
-        "volumeMounts": [code_mount(), *([mount(RECORD_VOLUME, RECORD_DIR)] if keeps else ()), *shown.mounts],
+        "volumeMounts": mounts,
         # until it has read the whole graph, for which its master has to be there
         "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": FOR_EVER},
         "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
-        # one that keeps nothing loses nothing by a restart
-        **({} if keeps else {"livenessProbe": {**_asked(HEALTHY), "periodSeconds": 60, "failureThreshold": 3}}),
     }
-    # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
-    record = {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}
-    volumes = [code_volume(), *([record] if keeps else ()), *shown.volumes]
-    account: Object = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True} if keeps else {}
-    notes = shown.annotations
-    return with_the_master(robot, names.KEEPER_NAME, container, volumes, grace=10, annotations=notes, **account)
+    if keeps:
+        command += ["--record", RECORD_DIR, *(() if robot.master.goal_forwarding else ("--goal-forwarding", "off"))]
+        # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
+        volumes.append({"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}})
+        mounts.append(mount(RECORD_VOLUME, RECORD_DIR))
+        account = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True}
+    else:  # then it loses nothing by a restart
+        command += KEEPS_NOTHING
+        container["livenessProbe"] = {**_asked(HEALTHY), "periodSeconds": 60, "failureThreshold": 3}
+    # the map is made by the first update
+    volumes.append({"name": "updates", "configMap": {"name": UPDATES, "optional": True}})
+    mounts.append(mount("updates", UPDATES_DIR, read_only=True))
+    if capacities := _capacities(robot):
+        command += ["--claims", CLAIMS_DIR, "--namespace", robot.namespace, "--capacities", json.dumps(capacities)]
+        # as the storage class itself would make it, should there be no claim on this host yet
+        volumes.append({"name": "claims", "hostPath": {"path": STORAGE, "type": "DirectoryOrCreate"}})
+        mounts.append(mount("claims", CLAIMS_DIR, read_only=True))
+        container["securityContext"] = {"capabilities": {"add": [SEE_ALL]}}
+    seen = context.master_owner(robot) is None or robot.observability.ros_metrics
+    found = {"scrape": "true", "port": str(names.KEEPER_PORT), "path": PATH} if seen else {}
+    notes = {f"prometheus.io/{key}": value for key, value in found.items()}
+    pod = {"terminationGracePeriodSeconds": 10, **account}
+    return _with_the_master(robot, names.KEEPER_NAME, container, volumes, notes, **pod)
 
 
 def _asked(path: str) -> Object:
     return {"httpGet": {"path": path, "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
 
 
-def master_environment(robot: Robot) -> list[Object]:
-    """Of our own programs: where the master is, and where they are themselves."""
-    uri = variable("ROS_MASTER_URI", context.master_uri(robot))
-    return [uri, field_variable("ROS_IP", "status.podIP"), ONE_HEAP]
+def _capacities(robot: Robot) -> dict[str, int]:
+    """Bytes that each claim asks for, of those that the keeper looks at; one of a shared master sees none."""
+    if context.master_owner(robot) is None or robot.pod_security in CLOSED or not robot.observability.sees_graph:
+        return {}
+    sizes = {names.claim_name(claim.name): quantity_value(str(claim.size)) for claim in robot.volumes}
+    return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
 
 
-def with_the_master(  # noqa: PLR0913 - the parts in which these Deployments differ
+def _with_the_master(
     robot: Robot,
     name: str,
     container: Object,
     volumes: Sequence[Object] = (),
-    *,
-    grace: int,
-    annotations: Mapping[str, str] | None = None,
+    notes: Variables | None = None,
     **pod: Any,
 ) -> Object:
-    """The Deployment of a pod that is where the robot's ROS master is. `grace` is in seconds.
+    """The Deployment of a pod that is where the robot's ROS master is.
 
     One goes before the next comes: two masters would split the graph, and two keepers would each forward the goals that
     they hold, and show every series twice.
     """
-    selector = node_selector(robot.master.placement, robot.name)
-    spec = pod_spec(
-        [container], volumes, robot.pull_secrets, terminationGracePeriodSeconds=grace, nodeSelector=selector, **pod
-    )
-    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    return workload(name, namespace, owner, spec, annotations=annotations)
+    where = node_selector(robot.master.placement, robot.name)
+    spec = pod_spec([container], volumes, robot.pull_secrets, nodeSelector=where, **pod)
+    return workload(name, context.master_namespace(robot), context.master_owner(robot), spec, annotations=notes)
 
 
 def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:

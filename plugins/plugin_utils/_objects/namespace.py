@@ -44,13 +44,11 @@ def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Variables]) -> list
 
     An item without `registry` names a Secret that somebody else keeps there.
     """
-    owners: dict[str, str | None] = {robot.namespace: robot.name}
-    if needs_fleet_namespace(robot):
-        owners[names.FLEET_NAMESPACE] = None
+    fleet = [(names.FLEET_NAMESPACE, None)] if needs_fleet_namespace(robot) else []
     kind = "kubernetes.io/dockerconfigjson"
     return [
         made("v1", "Secret", secret["name"], namespace, owner_labels(owner), type=kind, data=_docker_config(secret))
-        for namespace, owner in owners.items()
+        for namespace, owner in [(robot.namespace, robot.name), *fleet]
         for secret in pull_secrets
         if secret.get("registry")
     ]
@@ -89,12 +87,9 @@ def needs_fleet_namespace(robot: Robot) -> bool:
 
 
 def _claim(volume: Volume, namespace: str, robot: str | None) -> Object:
-    spec: Object = {
-        "accessModes": [volume.access_mode],
-        "resources": {"requests": {"storage": str(volume.size)}},
-    }
-    if volume.storage_class is not None:
-        spec["storageClassName"] = volume.storage_class
+    size = {"requests": {"storage": str(volume.size)}}
+    of_class = {} if volume.storage_class is None else {"storageClassName": volume.storage_class}
+    spec = {"accessModes": [volume.access_mode], "resources": size, **of_class}
     return made("v1", "PersistentVolumeClaim", names.claim_name(volume.name), namespace, owner_labels(robot), spec=spec)
 
 

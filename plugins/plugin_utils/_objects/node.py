@@ -30,12 +30,11 @@ def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     wanted = [{key: value for key, value in taint.items() if value not in ("", None)} for taint in taints]
     there = list((node.get("spec") or {}).get("taints") or [])
     recorded = json.loads((node["metadata"].get("annotations") or {}).get(TAINTS_ANNOTATION) or "[]")
-    ours, places = [_whole(taint) for taint in recorded], [_place(taint) for taint in wanted]
-    same = [_whole(taint) for taint in wanted]
-    kept = [
-        taint for taint in there if _whole(taint) in same or (_whole(taint) not in ours and _place(taint) not in places)
-    ]
-    has = [_whole(taint) for taint in kept]
+    ours, same = [*map(_whole, recorded)], [*map(_whole, wanted)]
+    others = {*map(_whole, there)} - {*ours}
+    free = {one for one in others if one[::2] not in [place[::2] for place in same]}  # by key and effect
+    kept = [taint for taint in there if _whole(taint) in {*same, *free}]
+    has = [*map(_whole, kept)]
     after = [*kept, *(taint for taint in wanted if _whole(taint) not in has)]
     if after == there and recorded == wanted:
         return None
@@ -55,12 +54,11 @@ def evicting(node: Object, taints: Sequence[Object]) -> list[Object]:
 
 def evicted(pods: Iterable[Object], taints: Sequence[Object]) -> list[str]:
     """`namespace/name` of the pods that do not tolerate all of these taints for as long as they run."""
-    found = []
-    for pod in pods:
-        tolerations = pod["spec"].get("tolerations") or []
-        if not all(any(_tolerates(one, taint) for one in tolerations) for taint in taints):
-            found.append(_name(pod))
-    return sorted(found)
+    return sorted(
+        _name(pod)
+        for pod in pods
+        if not all(any(_tolerates(one, taint) for one in pod["spec"].get("tolerations") or ()) for taint in taints)
+    )
 
 
 def unplaced(pods: Iterable[Object], before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
@@ -89,7 +87,3 @@ def _name(pod: Object) -> str:
 
 def _whole(taint: Object) -> tuple[str, str, str]:
     return (str(taint["key"]), str(taint.get("value") or ""), str(taint["effect"]))
-
-
-def _place(taint: Object) -> tuple[str, str]:
-    return (str(taint["key"]), str(taint["effect"]))

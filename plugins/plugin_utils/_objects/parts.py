@@ -17,12 +17,11 @@ from .._model.app import USUAL, App
 from .._model.context import Robot
 from .app import app_deployment, app_objects
 from .belongings import belongings
-from .code_files import code_maps, pod_files
 from .common import Files
 from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
-from .pod_settings import full_name
-from .rest import rest_maps
+from .pod_code import code_maps, pod_files
+from .pod_settings import full_name, rest_maps
 from .rights import keeper_access
 
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
@@ -114,10 +113,6 @@ def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
     def full(name: str) -> str:
         return resolve(full_name(name, app, robot), "/", node)
 
-    return {
-        "nodes": [node] if readiness.nodes else [],
-        "topics": [{**item, "name": full(item["name"])} for item in readiness.topics],
-        "services": [{**item, "name": full(item["name"])} for item in readiness.services],
-        "actions": [{**item, "name": full(item["name"])} for item in readiness.actions],
-        "absent": [full(name) for name in readiness.absent],
-    }
+    kinds = {"topics": readiness.topics, "services": readiness.services, "actions": readiness.actions}
+    named = {kind: [{**item, "name": full(item["name"])} for item in items] for kind, items in kinds.items()}
+    return {"nodes": [node] if readiness.nodes else [], **named, "absent": [full(name) for name in readiness.absent]}

@@ -1,22 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a pod gets of the collection's own code: the volume, and the hooks, in the app's container or beside it. Pure.
+"""What a pod gets of the collection's own code: its ConfigMap, and the hooks, in the app's container or beside it.
 
-Beside an app whose image has no Python they are in a sidecar as Kubernetes means it, an init container that stays
-(KEP-753, from 1.29 on): the app's container is started after it and ended before it, so that each start and each stop
-finds it there. Its image is the ROS master's.
+The code is no part of a pod template: a newer collection restarts nothing. Beside an app whose image has no Python the
+hooks are in a sidecar as Kubernetes means it, an init container that stays (KEP-753, from 1.29 on): the app's container
+is started after it and ended before it, so that each start and each stop finds it there. Its image is the ROS master's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import json
+import re
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
+from ...module_utils._pod import run
 from ...module_utils._pod.exec import AFTER
 from ...module_utils._pod.sidecar import PORT
 from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.app import App, Launch
 from .._model.context import Robot
-from .common import FOR_EVER, ONE_HEAP, exec_probe, mount
+from .common import FOR_EVER, ONE_HEAP, Files, config_map, exec_probe, mount, owner_labels
 
 IN_POD = ("app", "sidecar")  # where the code runs; a `gate` is looked at by the robot's keeper, `none` by nobody
 STARTED_TIMEOUT = 45  # s; `started` ends long before
@@ -26,6 +32,20 @@ SHELL_CHARACTERS = frozenset(" \t\n;&|<>()$`\"'*?[]{}~#!\\")
 BEGIN_TIMEOUT = 3600  # s, of a sidecar's start; then it is asked once more
 # At rest a bare interpreter; a look at the graph, or a stop, is a second one for as long as it lasts.
 SIDECARS = {"requests": {"cpu": "5m", "memory": "16Mi"}, "limits": {"memory": "96Mi"}}
+
+# where the code appears in a container
+CODE_MOUNT = mount(names.CODE_NAME, names.CODE_DIR, read_only=True)
+MODULE_UTILS = Path(run.__file__).resolve().parents[1]
+ROOMS = ("_common", "_ros", "_step", "_pod", "_exporter", "_robot")  # of module_utils, what has to run in pods
+ENTRY, LAUNCH = "_pod.run", "_pod.launch"  # the latter runs by itself, on the image's own interpreter
+SMALLEST = 9  # of zlib's levels
+# Parsing all files costs every run a quarter of a second. Our own code has no other strings than these: a docstring by
+# itself, a comment but for the licence, or a string that may look like these.
+_TEXT = re.compile(
+    r"""^([ \t]*)(\"{3}[\s\S]*?\"{3}) | [ \t]*(\#)(?!\ SPDX)[^\n]*
+    | \"{3}[\s\S]*?\"{3} | '{3}[\s\S]*?'{3} | "(?:[^"\\\n]|\\.)*" | '(?:[^'\\\n]|\\.)*'""",
+    re.MULTILINE | re.VERBOSE,
+)
 
 
 def code_command(word: str) -> list[str]:
@@ -69,18 +89,9 @@ def literal(text: str) -> str:
 
 def waits_for_the_old(deployment: Object) -> bool:
     """Whether its pod may start beside the one that it replaces; kept Deployments of earlier releases may not."""
-    spec = deployment["spec"]["template"]["spec"]
-    ours = {names.APP_CONTAINER: code_command("exec"), names.SIDECAR: code_command("sidecar")}
-    for container in [*(spec.get("initContainers") or []), *spec["containers"]]:
-        word, command = ours.get(container["name"], []), container.get("command") or []
-        if word and command[: len(word) + 1] == [*word, AFTER]:
-            return True
-    return False
-
-
-def code_mount() -> Object:
-    """Where the code appears in a container."""
-    return mount(names.CODE_NAME, names.CODE_DIR, read_only=True)
+    spec, ours = deployment["spec"]["template"]["spec"], [[*code_command(word), AFTER] for word in ("exec", "sidecar")]
+    containers = [*(spec.get("initContainers") or []), *spec["containers"]]
+    return any((one.get("command") or [])[: len(ours[0])] in ours for one in containers)
 
 
 def code_volume(app: App | None = None) -> Object:
@@ -128,7 +139,7 @@ def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
         "command": [*code_command("sidecar"), *begin_after(app, robot)],
         "env": [*environment, ONE_HEAP],
         "resources": SIDECARS,
-        "volumeMounts": [code_mount()],
+        "volumeMounts": [CODE_MOUNT],
         "startupProbe": _startup("/begin", BEGIN_TIMEOUT),
     }
 
@@ -152,3 +163,46 @@ def _asked(path: str) -> Object:
 
 def _startup(path: str, timeout: int) -> Object:
     return {**_asked(path), "periodSeconds": 1, "timeoutSeconds": timeout, "failureThreshold": FOR_EVER}
+
+
+# ---- the code itself
+
+
+@functools.cache
+def pod_files() -> Files:
+    """File name -> content of what pods mount: what is started by its path as text, all other modules in one archive.
+
+    Each byte is held in etcd for every robot, and in its pods. Another zlib may make other bytes of the same sources:
+    then the ConfigMap changes, and nothing else.
+    """
+    paths = (path for room in ROOMS for path in MODULE_UTILS.joinpath(room).glob("*.py"))
+    sources = {f"{path.parent.name}.{path.stem}": bare(path.read_text("utf-8")) for path in paths}
+    plain: Files = {"run.py": sources.pop(ENTRY), f"{LAUNCH}.py": sources.pop(LAUNCH)}
+    return {**plain, run.ARCHIVE: packed(sources)}
+
+
+def packed(sources: Mapping[str, str]) -> bytes:
+    """Module -> source, as the file that `run.py` reads."""
+    made = zlib.compressobj(SMALLEST, zlib.DEFLATED, run.GZIP)
+    return made.compress(json.dumps(sources, sort_keys=True).encode()) + made.flush()
+
+
+def bare(text: str) -> str:
+    """A source without docstrings and comments, a third of what it packs to; each line keeps its number."""
+
+    def kept(found: re.Match[str]) -> str:
+        indent, docstring, comment = found.groups()
+        return f'{indent}""' + "\n" * docstring.count("\n") if docstring else "" if comment else found[0]
+
+    return _TEXT.sub(kept, text)
+
+
+def code_maps(robot: Robot, code: Files) -> list[Object]:
+    """The ConfigMaps `rosops-code`, one per namespace that has pods with our code; `code` is file name -> content."""
+    scopes = {app.scope for app in robot.apps if app.hooks in IN_POD}
+    shared, objects = robot.master.mode == "shared", []
+    if "robot" in scopes or (context.has_keeper_pod(robot) and not shared):
+        objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))
+    if "fleet" in scopes or shared:
+        objects.append(config_map(names.CODE_NAME, names.FLEET_NAMESPACE, owner_labels(None), code))
+    return objects

@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An app -> what the code in its pod has to know of it. Pure.
+"""What our code in pods has to know: of its app, and the keeper of when its robot may be changed. Pure.
 
-It is part of the pod template: another readiness is another revision, which is proven and taken back as an image is.
+The former is part of the pod template: another readiness is another revision, which is proven and taken back as an
+image is. The latter stands beside the Deployments (`_robot/door.py` reads it): what is changed there is no step, and
+restarts nothing.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
 from ...module_utils._ros.names import resolve
+from ...module_utils._step.objects import Object
+from ...module_utils._step.words import REST, REST_KEY
 from .._model import context
 from .._model.app import App, ReadyTopic
 from .._model.context import Robot
+from .common import config_map, owner_labels
 from .pod_code import probe_command
 
 GATE = ("app", "node", "expect_node", "min_rates", "space", "on_demand")
@@ -23,11 +29,17 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
 
     Names are full but for private ones that follow the node's name of a revision: those keep their `~`.
     """
-    readiness, command, overlaps = app.readiness, app.readiness.command, app.handoff == "overlap"
+    readiness, command, launch, overlaps = app.readiness, app.readiness.command, app.launch, app.handoff == "overlap"
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
     params = {_param(name): value for name, value in app.params.items()}
     keep = [_param(name) for name in app.keep_params]
+    more = {
+        "launch": app.handoff if launch else "",
+        "held": list(launch.replace) if launch and overlaps else [],
+        "on_demand": overlaps and app.on_demand,
+        "keep_params": keep,
+    }
     return {
         "app": app.name,
         "node": context.graph_node(app, robot),
@@ -39,11 +51,8 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "keeper": context.keeper_uri(robot),
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
-        **({"launch": app.handoff} if app.launch else {}),
-        **({"held": list(app.launch.replace)} if overlaps and app.launch and app.launch.replace else {}),
-        **({"on_demand": True} if overlaps and app.on_demand else {}),
         **({"params": params} if params or keep else {}),
-        **({"keep_params": keep} if keep else {}),
+        **{key: value for key, value in more.items() if value},
     }
 
 
@@ -75,3 +84,25 @@ def full_name(name: str, app: App, robot: Robot) -> str:
 
 def _param(name: str) -> str:
     return name if name.startswith("/") else f"~{name}"
+
+
+def rest_maps(robot: Robot) -> list[Object]:
+    """The ConfigMap `robot-rest`; none for an external master, which has no keeper."""
+    if robot.master.mode == "external":
+        return []
+    of_all = context.wanted_before(robot)
+    apps = {
+        app.name: {"when": context.wanted_before(robot, [app])[len(of_all) :], "idle": _idle(app, robot)}
+        for app in robot.apps
+        if app.scope == "robot"  # nobody holds what is the whole fleet's by one robot
+    }
+    said = {"space": context.own_space(robot), "when": of_all, "windows": robot.windows.kept, "apps": apps}
+    data = {REST_KEY: json.dumps(said, sort_keys=True)}
+    return [config_map(REST, robot.namespace, owner_labels(robot.name), data)]
+
+
+def _idle(app: App, robot: Robot) -> list[str]:
+    """Actions that have to be idle beside those that the graph shows its nodes to serve."""
+    served = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
+    space, node = context.graph_namespace(app, robot), context.graph_node(app, robot)
+    return [resolve(name, space, node) for name in (*served, *app.update.idle)]

@@ -13,9 +13,9 @@ from .._model.finding import Problem, each, taken, twice
 from .._model.formats import FORMS, moving_tag
 from .._model.order import circle
 from .._model.topology import EDGE_CLUSTER, members
+from .._objects.common import more_than_baseline
 from .._objects.master import plain_keeper, plain_master
 from .._objects.pod_settings import promised
-from .._objects.security import more_than_baseline
 from .app import app_problems, app_warnings, when_problems
 from .draft import Draft, Inventory
 from .overrides import override_problems

@@ -129,14 +129,10 @@ class _Dumper(yaml.SafeDumper):
     def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002
         super().increase_indent(flow, False)
 
-    def represent_sequence(self, *given: Any, **more: Any) -> yaml.SequenceNode:
-        node = super().represent_sequence(*given, **more)
-        node.flow_style = _words(node) <= ROOM
-        return node
-
-    def represent_mapping(self, *given: Any, **more: Any) -> yaml.MappingNode:
-        node = super().represent_mapping(*given, **more)
-        node.flow_style = _words(node) <= ROOM
+    def represent_data(self, data: Any) -> yaml.Node:
+        node = super().represent_data(data)
+        if isinstance(node, yaml.CollectionNode):
+            node.flow_style = _words(node) <= ROOM
         return node
 
 

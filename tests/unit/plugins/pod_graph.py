@@ -97,7 +97,7 @@ class World:
         return {name: one for name, one in said.items() if name in self.sums}
 
     def rates(self, graph: Graph, seconds: Any, patient: bool = False) -> dict[str, Rate]:
-        assert not patient
+        assert not patient and min(seconds.values()) >= 1.0
         assert all(names_of(graph.topics[name].publishers) == self.own(name) for name in seconds)
         self.asked.append("rates")
         rates = {name: Rate(self.hz.get(name, 0.0), 50, seconds[name]) for name in seconds}

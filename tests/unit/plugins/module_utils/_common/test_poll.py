@@ -61,8 +61,7 @@ def test_how_a_poll_goes_on_a_clock_that_only_sleeping_and_looking_move(
 
 
 @pytest.mark.parametrize(
-    ("verdicts", "expected"),
-    [([], PASS), ([PASS, PASS], PASS), ([PASS, WAIT], WAIT), ([WAIT, FAIL, PASS], FAIL)],
+    ("verdicts", "expected"), [([], PASS), ([PASS, PASS], PASS), ([PASS, WAIT], WAIT), ([WAIT, FAIL, PASS], FAIL)]
 )
 def test_overall(verdicts: list[str], expected: str) -> None:
     assert overall(verdicts) == expected

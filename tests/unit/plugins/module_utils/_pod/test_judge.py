@@ -8,16 +8,10 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph as ros
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    PATIENCE,
-    Handshake,
-    Node,
-    NodeKey,
-    Rate,
-    ServiceProbe,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE, Handshake, NodeKey, ServiceProbe
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
@@ -72,6 +66,8 @@ def changed(world: World, change: str) -> World:
         world.publishers["/out"] += ["/ros_keeper"]
         for name in (*world.subscribers["/out"][1:], *world.publishers["/in"][1:]):
             world.answers[name] = NodeAnswer("http://192.0.2.1:1/", error="no answer")
+    elif change == "rosout is the app":
+        world.subscribers["/rosout"] = [OWN]
     else:
         assert change == "nobody there"
         world.subscribers["/out"] = world.publishers["/in"] = []
@@ -100,31 +96,28 @@ def test_what_is_waited_for(change: str, words: str) -> None:
     assert words in reasons
 
 
-@pytest.mark.parametrize("change", ["dead subscriber", "dead publisher", "tools", "nobody there"])
+@pytest.mark.parametrize("change", ["dead subscriber", "dead publisher", "tools", "rosout is the app", "nobody there"])
 def test_what_blocks_nobody(change: str) -> None:
     world = changed(World(), change)
     assert judged(world) == (PASS, "")
-
-
-LONG = PATIENCE
 
 
 @pytest.mark.parametrize("change", ["late publisher", "late subscriber"])
 @pytest.mark.parametrize("owed", [None, contract()])
 def test_a_peer_that_hangs_is_waited_for_no_longer_than_a_slow_one_needs(change: str, owed: Contract | None) -> None:
     world = changed(World(), change)
-    assert judged(world, owed, LONG - 0.1)[0] == WAIT
-    assert judged(world, owed, LONG) == (PASS, "")
+    assert judged(world, owed, PATIENCE - 0.1)[0] == WAIT
+    assert judged(world, owed, PATIENCE) == (PASS, "")
 
 
 @pytest.mark.parametrize("change", ["unheard", "the publisher lacks us"])
 def test_a_living_peer_must_have_the_new_version_if_it_had_the_old_one(change: str) -> None:
     world = changed(World(), change)
-    assert judged(world, contract(), 10 * LONG)[0] == WAIT
-    assert judged(world, None, 10 * LONG)[0] == WAIT  # nobody knows what was before
+    assert judged(world, contract(), 10 * PATIENCE)[0] == WAIT
+    assert judged(world, None, 10 * PATIENCE)[0] == WAIT  # nobody knows what was before
     came_by = contract(edges=[])  # a laptop that cannot reach our node, whose types are others since, ...
-    assert judged(world, came_by, LONG - 0.1)[0] == WAIT
-    assert judged(world, came_by, LONG) == (PASS, "")
+    assert judged(world, came_by, PATIENCE - 0.1)[0] == WAIT
+    assert judged(world, came_by, PATIENCE) == (PASS, "")
 
 
 @pytest.mark.parametrize("topic", ["/out", "/in"])
@@ -134,15 +127,15 @@ def test_what_is_updated_together_is_connected_before_the_old_versions_go(topic:
     edge = [OWN, "/out", new] if topic == "/out" else [new, "/in", OWN]
     world, owed = World(), contract(edges=[edge], members=[OWN, new])
     words = f"topic {topic}: {OWN} not connected to {new}, which is updated together with it"
-    assert judged(world, owed, LONG) == (WAIT, words)
+    assert judged(world, owed, PATIENCE) == (WAIT, words)
     if topic == "/out":
         world.subscribers["/out"].append(new)
         world.replies(OWN, bus=bus(("/out", SUBSCRIBER), ("/out", new)))
     else:
         world.publishers["/in"].append(new)
         world.answers[new] = NodeAnswer("http://127.0.0.1:40005/", 74, bus=bus(("/in", OWN)))
-    assert judged(world, owed, LONG) == (PASS, "")
-    assert judged(World(), contract(edges=[edge], members=[OWN]), LONG) == (PASS, "")  # it left by itself
+    assert judged(world, owed, PATIENCE) == (PASS, "")
+    assert judged(World(), contract(edges=[edge], members=[OWN]), PATIENCE) == (PASS, "")  # it left by itself
 
 
 def test_a_subscription_is_owed_only_while_somebody_publishes_the_topic() -> None:
@@ -153,22 +146,11 @@ def test_a_subscription_is_owed_only_while_somebody_publishes_the_topic() -> Non
     assert "does not subscribe to /clicked_point" in judged(world, owed)[1]
 
 
-def test_a_tool_that_hangs_holds_up_no_look() -> None:
+def test_neither_a_tool_that_hangs_nor_rosout_holds_up_a_look() -> None:
     """rviz publishes, too."""
     world = changed(World(), "tools")
-    state = world.state()
-    asked = probe.first_questions(state, [OWN])
-    assert not [name for name in asked.nodes if name.startswith("/rostopic")]
-    assert PUBLISHER in asked.nodes
-    assert probe.gaps(world.ask(state, asked), [OWN]) == []
-
-
-def test_rosout_is_not_waited_for() -> None:
-    world = World()
-    state = world.state()
-    assert "/rosout" not in probe.first_questions(state, [OWN]).nodes
-    world.subscribers["/rosout"] = [OWN]  # rosout itself as an app
-    assert judged(world) == (PASS, "")
+    asked = probe.first_questions(world.state(), [OWN]).nodes
+    assert asked == {OWN: frozenset({"bus", "types"}), PUBLISHER: frozenset({"bus"})}
 
 
 @pytest.mark.parametrize(
@@ -178,16 +160,13 @@ def test_rosout_is_not_waited_for() -> None:
         ({"subscriptions": {"/rosout": {"type": ""}}}, WAIT, "does not subscribe to /rosout"),
         ({"services": {"/gone": {"type": "", "md5sum": None}}}, WAIT, "does not offer the service /gone"),
         ({"actions": ["/move"]}, WAIT, "does not serve the action /move"),
-        (
-            {"topics": {"/out": {"type": "std_msgs/Bool", "rate": None}}},
-            FAIL,
-            "this version has the type std_msgs/String, the one before had std_msgs/Bool",
-        ),
+        ({"topics": {"/out": {"type": "std_msgs/Bool", "rate": None}}}, FAIL,
+         "this version has the type std_msgs/String, the one before had std_msgs/Bool"),
         ({"subscriptions": {"/in": {"type": "std_msgs/Bool"}}}, FAIL, "topic /in: this version has the type"),
         ({"topics": {"/out": {"type": "", "rate": None}}}, PASS, ""),
         ({"topics": {"/out": {"type": "*", "rate": None}}}, PASS, ""),
     ],
-)
+)  # fmt: skip
 def test_what_the_version_before_gave_is_owed(owed: dict[str, Any], verdict: str, words: str) -> None:
     found = judged(World(), contract(**owed))
     assert found[0] == verdict
@@ -195,10 +174,8 @@ def test_what_the_version_before_gave_is_owed(owed: dict[str, Any], verdict: str
 
 
 def test_an_action_is_served_with_all_of_its_topics() -> None:
-    world = World()
-    owed = contract(actions=["/move"])
-    world.publishers["/move/status"] = [OWN]
-    world.subscribers["/move/goal"] = [OWN]
+    world, owed = World(), contract(actions=["/move"])
+    world.publishers["/move/status"] = world.subscribers["/move/goal"] = [OWN]
     assert judged(world, owed)[0] == WAIT
     world.subscribers["/move/cancel"] = [OWN]
     assert judged(world, owed) == (PASS, "")
@@ -262,22 +239,21 @@ def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:
     assert least(contract(), out=50) == {("/out", OWN): 90.0}
     assert least(contract(), out=95) == {("/out", OWN): 95}
     assert least(contract(topics={"/out": {"rate": None}, "/gone": {"rate": 5.0}})) == {}
-    assert least(contract(topics={"/out": {"rate": 100.0, "least": 20.0}})) == {
-        ("/out", OWN): 20.0
-    }  # it is meant to be slower
+    slower = contract(topics={"/out": {"rate": 100.0, "least": 20.0}})  # it is meant to be
+    assert least(slower) == {("/out", OWN): 20.0}
     assert least(contract(topics={"/out": {"rate": 100.0, "least": 0}})) == {}
     assert least(contract(tolerance=1)) == {}  # any rate will do
 
 
 def test_what_is_promised_of_a_topic_is_owed_by_all_of_an_apps_nodes_together() -> None:
     """What was recorded of each it owes by itself."""
-    one, two = (Node(name, publications=("/diagnostics",)) for name in ("/a_0a1b2c3d", "/b_0a1b2c3d"))
+    one, two = (ros.Node(name, publications=("/diagnostics",)) for name in ("/a_0a1b2c3d", "/b_0a1b2c3d"))
     wanted = probe.Wanted((one.name, two.name), None, {"/diagnostics": 2.0})
     assert probe.least_rates([one, two], wanted) == {("/diagnostics", ""): 2.0}
     assert probe.least_rates([one], wanted) == {("/diagnostics", one.name): 2.0}
     owed = {"/diagnostics": {"publishers": {one.name: {"rate": 10.0}, two.name: {"rate": None}}}}
     both = probe.least_rates([one, two], probe.Wanted(wanted.nodes, contract(topics=owed), wanted.min_rates))
     assert both == {("/diagnostics", one.name): 9.0, ("/diagnostics", ""): 2.0}
-    half = Rate(1.0, 9, 1.0)
-    rates = {"/diagnostics": Rate(2.0, 18, 1.0, by={one.key: half, two.key: half})}
+    half = ros.Rate(1.0, 9, 1.0)
+    rates = {"/diagnostics": ros.Rate(2.0, 18, 1.0, by={one.key: half, two.key: half})}
     assert [check.verdict for check in probe.check_rates({("/diagnostics", ""): 2.0}, rates)] == [PASS]

@@ -26,7 +26,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Ch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import ValueCondition
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import Api, live, pod, version
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 

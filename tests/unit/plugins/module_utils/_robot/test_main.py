@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rest import rest_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import FakeClient, FakeMaster, FakeServer
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (

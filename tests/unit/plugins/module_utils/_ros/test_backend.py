@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, around, everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import names_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import MODULE_UTILS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import MODULE_UTILS
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
 from imports import imported
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -14,18 +13,12 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import main as keeper_main
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.metrics import CLAIMS_DIR
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 Object = dict[str, Any]
 VOLUMES = [{"name": "a", "size": "1Ki"}]
 SEEN = {"enabled": True}
 EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
-
-
-def placed(objects: list[Object]) -> list[tuple[str, str, str]]:
-    return [(one["kind"], one["metadata"].get("namespace", ""), one["metadata"]["name"]) for one in objects]
 
 
 def pod(deployment: Object) -> Object:
@@ -37,37 +30,10 @@ def keeper(**of: Any) -> list[Object]:
     return master.keeper_objects(robot(name="r1", master=of))
 
 
-@pytest.mark.parametrize("mode", ["robot", "shared"])
-def test_each_is_where_the_master_is_and_its_account_is_there_before(mode: str) -> None:
-    """A pod without its account is not made; the namespace is applied before everything else of a robot."""
-    made = robot(name="r1", master={"mode": mode, "image": "ros:x"})
-    own, _service, kept, _service = master.master_objects(made)
-    assert {one["metadata"]["namespace"] for one in (own, kept)} == {"fleet" if mode == "shared" else "robot-r1"}
-    assert pod(kept)["nodeSelector"] == pod(own)["nodeSelector"]
-    assert pod(kept)["containers"][0]["image"] == "ros:x"
-    account = ("ServiceAccount", kept["metadata"]["namespace"], pod(kept)["serviceAccountName"])
-    first, *objects = placed(namespace_objects(made))
-    assert (first[0], account in objects, pod(kept)["automountServiceAccountToken"]) == ("Namespace", True, True)
-    spaces = {first[2], *(name for kind, _space, name in objects if kind == "Namespace")}
-    assert {space for _kind, space, _name in objects} - {""} <= spaces
-
-
-def test_the_masters_overrides_are_not_the_keepers() -> None:
-    """Nor does a change of the master restart it: it is there to outlive that."""
-    overrides = {"spec": {"template": {"spec": {"hostNetwork": True}}}}
-    assert keeper(overrides=overrides) == keeper()
-    both = master.master_objects(robot(name="r1", master={"overrides": overrides}))
-    kinds, names = ["Deployment", "Service"] * 2, ["ros-master"] * 2 + ["ros-keeper"] * 2
-    assert [(kind, name) for kind, _space, name in placed(both)] == list(zip(kinds, names))
-    assert "hostNetwork" in pod(both[0])
-
-
 def test_goal_forwarding_is_switched_off_by_a_word_of_its_command() -> None:
     on, off = (pod(keeper(goal_forwarding=word)[0])["containers"][0] for word in (True, False))
-    assert on == pod(keeper()[0])["containers"][0]
     assert off == {**on, "command": [*on["command"], "--goal-forwarding", "off"]}
-    words = off["command"][off["command"].index("keeper") + 1 :]
-    assert keeper_main.options(words)["--goal-forwarding"] == "off"
+    assert keeper_main.options(off["command"][off["command"].index("keeper") + 1 :])["--goal-forwarding"] == "off"
 
 
 # --- the metrics ------------------------------------------------------------------------------------------------------
@@ -89,11 +55,9 @@ def shown(**of: Any) -> Object:
 def test_its_pod_is_found_and_has_the_record_of_updates() -> None:
     """Switched on later, the cluster's stack asks the keepers that are there."""
     made = shown()
-    assert made["notes"] == {
-        "prometheus.io/scrape": "true", "prometheus.io/port": "11411", "prometheus.io/path": "/metrics",
-    }  # fmt: skip
+    assert made["notes"]["prometheus.io/scrape"] == "true"
     assert f"{made['mounts']['updates']}/updates.json" == updates.FILE == made["options"]["--updates"]
-    assert (made["volumes"], made["add"]) == (["rosops-code", "record", "updates"], [])
+    assert made["options"]["--keep"] == "on"
     assert shown(observability={"ros_metrics": False})["notes"] == {}
     assert shown(observability={"ros_metrics": False}, master={"mode": "shared"})["notes"] == made["notes"]
 
@@ -115,7 +79,7 @@ def test_its_pod_is_found_and_has_the_record_of_updates() -> None:
 def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(of: Object, sees: bool) -> None:
     made = shown(**{"volumes": VOLUMES, "observability": SEEN, **of})
     said = ("--claims", "--namespace", "--capacities")
-    wanted = (CLAIMS_DIR, "robot-r1", '{"a-pvc": 1024}')
+    wanted = (master.CLAIMS_DIR, "robot-r1", '{"a-pvc": 1024}')
     assert tuple(made["options"][word] for word in said) == (wanted if sees else ("", "", "{}"))
     assert ("claims" in made["volumes"], made["add"]) == (sees, ["DAC_OVERRIDE"] if sees else [])
     assert made["mounts"].get("claims") == (wanted[0] if sees else None)
@@ -123,13 +87,7 @@ def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(of: Object, se
 
 def test_beside_an_external_master_it_keeps_nothing_and_is_there_for_the_metrics_alone() -> None:
     assert master.keeper_objects(robot(master=EXTERNAL)) == []
-    [alone] = master.master_objects(robot(name="r1", master=EXTERNAL, observability=SEEN))
-    assert placed([alone]) == [("Deployment", "robot-r1", "ros-keeper")]
-    assert "serviceAccountName" not in pod(alone) and not pod(alone)["automountServiceAccountToken"]
-    made = shown(master=EXTERNAL, observability=SEEN)
-    assert (made["options"]["--keep"], made["volumes"]) == ("off", ["rosops-code", "updates"])
-    assert made["notes"] == shown()["notes"]
-    assert shown()["options"]["--keep"] == "on"
+    assert shown(master=EXTERNAL, observability=SEEN)["options"]["--keep"] == "off"
 
 
 # --- the master's start -----------------------------------------------------------------------------------------------
@@ -149,19 +107,9 @@ def api_port(request: pytest.FixtureRequest) -> Iterator[int]:
         thread.join()
 
 
-def probe(port: int) -> int:
-    code = master.PROBE.replace("11311", str(port))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode  # noqa: S603
-
-
-@pytest.mark.parametrize(("api_port", "status"), [([1], 0), ([0], 1), ([-1], 1)], indirect=["api_port"])
-def test_its_probe_asks_the_api(api_port: int, status: int) -> None:
-    assert probe(api_port) == status
-    assert probe(1) != 0  # nobody listens there
-
-
 @pytest.mark.parametrize("api_port", [[0, -1, 1]], indirect=True)
 def test_its_start_is_waited_for(api_port: int) -> None:
+    """That it answers its own API, not that its port is open."""
     code = master.PROBE.replace("11311", str(api_port))
     waited = subprocess.run(["sh", "-c", master.UNTIL, code], capture_output=True, check=False, timeout=60)  # noqa: S603, S607
     assert (waited.returncode, waited.stderr) == (0, b"")

@@ -44,7 +44,8 @@ def test_the_parts_that_tags_mean(asked: Sequence[str], run: list[str], skip: li
 
 
 def test_every_part_has_its_own_and_says_where_it_lives() -> None:
-    ground = {part: kinds(ground_objects(MADE, [part], [SECRET], {})) for part in PARTS}
+    secrets = [SECRET, {"name": "made-elsewhere"}]
+    ground = {part: kinds(ground_objects(MADE, [part], secrets, {})) for part in PARTS}
     policy = [f"{kind} rosops-fleet-keeper" for kind in POLICIES]
     keeper = [*policy, *(f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding"))]
     assert ground == {
