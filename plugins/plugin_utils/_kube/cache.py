@@ -19,11 +19,6 @@ class Resource:
     plural: str
     namespaced: bool = True
 
-    @property
-    def group(self) -> str:
-        """Its API group, empty for the core's."""
-        return self.base.removeprefix("/apis/").rpartition("/")[0] if self.base.startswith("/apis/") else ""
-
     def path(self, namespace: str = "", name: str = "") -> str:
         """The path of one object, or without a name of the list; without a namespace of the list everywhere."""
         space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
@@ -83,7 +78,7 @@ class Ref:
         return f"{self.kind} {self.namespace}/{self.name}" if self.namespace else f"{self.kind} {self.name}"
 
 
-# What to watch to judge the kinds that are rolled out.
+# What to watch to judge the kinds that are rolled out: those of the groups `apps` and "", the core's.
 WATCHED: dict[str, tuple[str, ...]] = {
     "Deployment": ("Deployment", "ReplicaSet", "Pod"),
     "DaemonSet": ("DaemonSet", "ControllerRevision", "Pod"),
@@ -103,38 +98,39 @@ class View:
     """What is known of the cluster: objects by kind, then by namespace and name."""
 
     def __init__(self, objects: Iterable[Object] = ()) -> None:
-        self._kinds: dict[str, dict[tuple[str, str], Object]] = {}
+        self._objects: dict[tuple[str, str, str], Object] = {}
         self.hidden: set[str] = set()  # kinds that these credentials may not read
         for obj in objects:
             self.put(str(obj.get("kind", "")), obj)
 
     @staticmethod
-    def _key(obj: Object) -> tuple[str, str]:
-        return str(meta(obj).get("namespace") or ""), name_of(obj)
+    def _key(kind: str, obj: Object) -> tuple[str, str, str]:
+        return kind, str(meta(obj).get("namespace") or ""), name_of(obj)
 
     def put(self, kind: str, obj: Object) -> None:
-        self._kinds.setdefault(kind, {})[self._key(obj)] = dict(obj)
+        self._objects[self._key(kind, obj)] = obj
 
     def drop(self, kind: str, obj: Object) -> None:
-        self._kinds.get(kind, {}).pop(self._key(obj), None)
+        self._objects.pop(self._key(kind, obj), None)
 
     def replace(self, kind: str, namespace: str, objects: Iterable[Object]) -> None:
         """A fresh listing: what it does not name is gone. No namespace means all of them."""
-        kept = {key: obj for key, obj in self._kinds.get(kind, {}).items() if namespace and key[0] != namespace}
-        kept.update({self._key(obj): dict(obj) for obj in objects})
-        self._kinds[kind] = kept
+        for obj in self.all(kind, namespace or None):
+            self.drop(kind, obj)
+        for obj in objects:
+            self.put(kind, obj)
 
     def get(self, kind: str, namespace: str, name: str) -> Object | None:
-        return self._kinds.get(kind, {}).get((namespace, name))
+        return self._objects.get((kind, namespace, name))
 
     def all(self, kind: str, namespace: str | None = None) -> list[Object]:
-        items = self._kinds.get(kind, {}).items()
-        return [obj for key, obj in items if namespace is None or key[0] == namespace]
+        """Of a kind, in one namespace or (None) everywhere."""
+        return [obj for (of, space, _name), obj in self._objects.items() if of == kind and namespace in (None, space)]
 
 
 def has_rollout(ref: Ref) -> bool:
     """Whether there is anything to wait for. A kind of the same name in another API group is not ours."""
-    return ref.kind in WATCHED and _in_group(ref, RESOURCES[ref.kind].group)
+    return ref.kind in WATCHED and _in_group(ref, "apps" if ref.kind in KINDS["/apis/apps/v1"] else "")
 
 
 def _in_group(ref: Ref, group: str) -> bool:

@@ -9,10 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import without_secrets
 from ...module_utils._step.objects import Object, is_in
+from ...module_utils._step.words import MANAGER
 from .._model.secrets import secrets_in, without
 from .applied import HIDDEN, Applied, Fields, applied, foreign_fields, taken_over, without_fields
 from .cache import OF_CLUSTER, POLICIES, RESOURCES, Ref
-from .connection import APPLY, JSON, MANAGER, MERGE, ApiConnection, ApiError, Query, anew
+from .connection import APPLY, JSON, MERGE, ApiConnection, ApiError, Query, anew
 
 FENCED = ("Deployment",)  # what the keeper writes, too
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
@@ -62,9 +63,11 @@ class Kube(ApiConnection):
     def apply(self, objects: Iterable[Object], dry_run: bool = False) -> list[Applied]:
         """Server-side apply of full definitions, in their order; the inventory is the truth, so conflicts are won.
 
-        Fields that others own and the definition does not name are kept, but in the spec of the kinds OURS_ALONE: what
-        others put into it goes. What is the whole cluster's (OF_CLUSTER) is written where it is not as it should be: an
-        account that may only read it goes on where it is. An API that knows no policies goes without, and says so.
+        A field that an earlier definition had and this one has not goes: so does a label of a node that is taken out of
+        the inventory. Fields that others own and the definition does not name are kept, but in the spec of the kinds
+        OURS_ALONE: what others put into it goes. What is the whole cluster's (OF_CLUSTER) is written where it is not as
+        it should be: an account that may only read it goes on where it is. An API that knows no policies goes without,
+        and says so.
 
         With `dry_run` the API server says what it would do. It cannot do so in a namespace that is not there: what
         belongs there would be new. An error names in its details, as `applied`, what was written before it.

@@ -26,6 +26,7 @@ from urllib.parse import urlencode
 from ...module_utils._common.documents import Arguments
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object
+from ...module_utils._step.words import MANAGER
 from .access import Access, access_from, forget_key_files
 
 BROKEN: tuple[type[Exception], ...] = (OSError,)  # what a broken connection raises
@@ -43,9 +44,6 @@ PATIENCE = 60.0  # a server that is just restarting is back by then, also on a s
 SAID_FROM, SAID_EVERY = 5.0, 20.0  # a wait that takes longer is said
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
 RACES = 5  # somebody else may write an object between our look at it and our write
-# Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
-# that is how a label taken out of the inventory leaves the node.
-MANAGER = "rosops.fleet"
 
 TODO = {
     401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",
@@ -82,14 +80,6 @@ def _cause(exc: BaseException) -> str:
     if "CERTIFICATE_VERIFY_FAILED" in text:
         return f"its certificate is not trusted ({text.rpartition('CERTIFICATE_VERIFY_FAILED] ')[2].rstrip(')')})"
     return text.rpartition(": ")[2] or type(exc).__name__
-
-
-def _status_message(body: bytes) -> str:
-    """The message of a Kubernetes Status object, or the start of whatever answered instead."""
-    try:
-        return str(json.loads(body).get("message") or "")
-    except (ValueError, AttributeError):
-        return body[:200].decode("utf-8", "replace").strip()
 
 
 class ApiConnection:
@@ -182,17 +172,18 @@ class ApiConnection:
         return ApiError(text, transient=not untrusted, misfit=untrusted)
 
     def _refused(self, answer: Any, what: str) -> ApiError:
-        status = int(answer.status)
+        status, body = int(answer.status), b""
         try:
-            message = _status_message(answer.data)
-        except BROKEN:
-            message = ""
+            body = answer.data
+            message = str(json.loads(body).get("message") or "")
+        except (*BROKEN, ValueError, AttributeError):  # no Kubernetes Status: the start of whatever answered instead
+            message = body[:200].decode("utf-8", "replace").strip()
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
             todo = "Its namespace has to be applied first"
         text = f"The Kubernetes API at {self.host} answered {status} for {what}" + (f": {message}" if message else "")
         text = ". ".join(part.rstrip(".") for part in (text, todo) if part)
-        return ApiError(f"{text}.", status, transient=status == 429 or status >= 500)
+        return ApiError(f"{text}.", status, transient=status in (410, 429) or status >= 500)
 
     def _patiently(self, work: Callable[[], Answer]) -> Answer:
         """Do it again until it succeeds, while it fails in a way that passes."""

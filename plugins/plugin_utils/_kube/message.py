@@ -3,8 +3,8 @@
 
 A pod's status tells that a container is not ready, only the kubelet's events tell why. A probe of this collection
 starts its line with `cannot become ready: ` where waiting cannot mend it. Of a probe by HTTP the kubelet tells no more
-than the status, so what a sidecar with our hooks has to say stands in its log. Both are asked for only while they can
-say something new, and seldom: the API server answers a list of events from all that it has.
+than the status, so what a sidecar with our hooks has to say stands in its log. Both are asked for only while a probe
+can say something new, and seldom: the API server answers a list of events from all that it has.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from .client import Kube
 from .connection import ApiError
 from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
 
-COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
 FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
-_HEAD = re.compile(r"\w+ probe failed: ?")
+_PROBE = r"\w+ probe failed: ?"
+# in front of the tenth of its kind the kubelet puts a remark
+_HEAD = re.compile(rf"\s*(?:\(combined from similar events\): )?({_PROBE})?")
 SECONDS = 1.0
 SECONDS_AFTER_ERROR = 5.0
 SHOWN = 12  # lines of a progress message
 LOG_LINES, TELLING_LINES = 200, 5  # that are read of a log, and that are told
 _ERROR = re.compile(r"\b(ERROR|FATAL|Traceback|[A-Za-z.]*(Error|Exception)\b|rosops\.fleet:|not found|[Ss]egmentation)")
 _WHERE = re.compile(
-    r"(pod [^\s:,]+(?:, container [^\s:,]+)?): (?:\w+ probe failed: )?(?:(?:not|cannot become) ready: )?(.+)", re.S
+    rf"(pod [^\s:,]+(?:, container [^\s:,]+)?): (?:{_PROBE})?(?:(?:not|cannot become) ready: )?(.+)", re.S
 )
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _NAME, _NUMBER = re.compile(r"^\[[^\]]*\]"), re.compile(r"\d+")  # `[camera-3] killing on exit`
@@ -116,7 +117,7 @@ def _is_news(event: Object, view: View, namespace: str, said: str) -> bool:
 def _warnings(events: Iterable[Object], names: Iterable[str]) -> list[str]:
     """The newest warning of each object."""
     newest: dict[str, Object] = {}
-    for event in sorted(events, key=lambda one: str(one.get("lastTimestamp") or one.get("eventTime") or "")):
+    for event in sorted(events, key=_when):
         about = event.get("involvedObject") or {}
         if _concerns(str(about.get("name", "")), names):
             newest[f"{about.get('kind')} {about.get('name')}"] = event
@@ -171,18 +172,15 @@ def telling(log: str, count: int = TELLING_LINES) -> list[str]:
 
 def probe_line(message: str) -> str:
     """'Startup probe failed: why', in one line: the hopeless one where there are more, else the last."""
-    plain = message.strip()
-    plain = plain[len(COMBINED) :] if plain.startswith(COMBINED) else plain
-    head = _HEAD.match(plain)
-    lines = [line.strip() for line in plain[head.end() if head else 0 :].splitlines() if line.strip()]
+    _nothing, head, rest = _HEAD.split(message, maxsplit=1)
+    lines = [line.strip() for line in rest.splitlines() if line.strip()]
     chosen = next((line for line in lines if HOPELESS in line), lines[-1] if lines else "")
-    return f"{head[0] if head else ''}{chosen}".strip()
+    return f"{head or ''}{chosen}".strip()
 
 
 def _when(event: Object) -> tuple[str, bool]:
-    series = event.get("series") or {}
-    times = (series.get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
-    # whole seconds: of two within one, the hopeless one is the later, as a probe that printed it does not recover
+    """In whole seconds. Of two within one the hopeless one is the later: a probe that printed it does not recover."""
+    times = ((event.get("series") or {}).get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
     return next((str(time)[:19] for time in times if time), ""), HOPELESS in str(event.get("message"))
 
 

@@ -151,7 +151,7 @@ def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
     newest, current = _current_set(ref, obj, view), _current_pods(ref, obj, view)
     known = {uid_of(pod) for pod in current}
     old = [pod for pod in _all_pods(ref, view) if uid_of(pod) not in known]
-    waits = _deployment_waits(obj, current, old if newest else [])
+    waits = _deployment_waits(obj, current, old) if newest else "its replica set has not been seen yet"
     paused = bool((obj.get("spec") or {}).get("paused"))
     if paused and waits:
         return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")
@@ -162,8 +162,6 @@ def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
         return found
     if waits:
         return Verdict(WAIT, waits)
-    if newest is None:
-        return Verdict(WAIT, "its replica set has not been seen yet")
     desired = _number(obj.get("spec") or {}, "replicas", 1)
     return Verdict(PASS, f"{desired} of {desired} pods updated and available" + (", paused" if paused else ""))
 
@@ -224,32 +222,27 @@ def _uses(obj: Object, claim: str) -> bool:
     return wanted and any((one.get("persistentVolumeClaim") or {}).get("claimName") == claim for one in volumes)
 
 
-def _binding_mode(claim: Object, view: View) -> tuple[str, str]:
-    """The claim's volumeBindingMode, or an empty one and why it is not known."""
+def _unbound(claim: Object, view: View) -> str:
+    """What a claim without a volume waits for; nothing where that is its first consumer."""
     name = (claim.get("spec") or {}).get("storageClassName")
     if "StorageClass" in view.hidden:
-        return "", "these credentials may not read storage classes"
+        return "these credentials may not read storage classes"
     if name is None:
-        return "", "no storage class is named and none is the default"
-    if name == "":
-        return "Immediate", ""
+        return "no storage class is named and none is the default"
     found = view.get("StorageClass", "", str(name))
-    if found is None:
-        return "", f"storage class {name} does not exist"
-    return str(found.get("volumeBindingMode") or "Immediate"), ""
+    if name and found is None:
+        return f"storage class {name} does not exist"
+    return "" if (found or {}).get("volumeBindingMode") == "WaitForFirstConsumer" else "no volume is bound yet"
 
 
 def _claim(claim: Ref, obj: Object, view: View, refs: Iterable[Ref]) -> Verdict:
     phase = str((obj.get("status") or {}).get("phase") or "Pending")
-    if is_terminating(obj):
-        return Verdict(WAIT, "is being deleted")
     if phase == "Bound":
         return Verdict(PASS, f"bound to {(obj.get('spec') or {}).get('volumeName', '?')}")
     if phase == "Lost":
         return Verdict(FAIL, "Lost: its volume is gone")
-    mode, unknown = _binding_mode(obj, view)
-    if mode != "WaitForFirstConsumer":
-        return Verdict(WAIT, f"{phase}: {unknown or 'no volume is bound yet'}")
+    if why := _unbound(obj, view):
+        return Verdict(WAIT, f"{phase}: {why}")
     for ref in refs:
         workload = view.get(ref.kind, ref.namespace, ref.name)
         if workload and ref.namespace == claim.namespace and ref.kind != claim.kind and _uses(workload, claim.name):
@@ -281,8 +274,10 @@ def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
     obj = view.get(ref.kind, ref.namespace, ref.name)
     if obj is None:
         return Verdict(WAIT, "is not there yet")
+    if unseen := _unseen(obj):
+        return unseen
     if ref.kind in _WORKLOADS:
-        return _unseen(obj) or _WORKLOADS[ref.kind](ref, obj, view)
+        return _WORKLOADS[ref.kind](ref, obj, view)
     return _node(obj) if ref.kind == "Node" else _claim(ref, obj, view, refs)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.documents import Result
 from ...module_utils._common.errors import NotReadyError
@@ -19,7 +19,7 @@ from .cache import Ref, Target, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
 from .message import ProbeNews, Row, cause_first, notes_on, progress
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, uid_of
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, restarts, running, uid_of, waits_for_probe
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch
 
@@ -78,23 +78,20 @@ class _Wait:
         target, blind = change.target, bool(self.unlisted)
         if change.what == "listed":
             self.unlisted.discard(target)
-            self.view.replace(target.kind, target.namespace, change.objects)
-        for obj in change.objects if change.what in ("set", "gone") else ():
-            (self.view.put if change.what == "set" else self.view.drop)(target.kind, obj)
-        if change.what == "lost" and change.error:
-            self.lost[target] = change.error
-        elif change.what in ("back", "listed"):
             self.lost.pop(target, None)
-        elif change.what == "refused" and change.error:
-            self._refused(target, change.error)
+            self.view.replace(target.kind, target.namespace, change.objects)
+        elif change.error is None:
+            for obj in change.objects:
+                (self.view.put if change.what == "set" else self.view.drop)(target.kind, obj)
+        elif change.what == "lost":
+            self.lost[target] = change.error
+        elif change.error.status != 403 or target.kind != "StorageClass":
+            raise change.error
+        else:  # it only says why a claim is pending, so the wait can do without
+            self.view.hidden.add(target.kind)
+            self.unlisted.discard(target)
         if blind and not self.unlisted:
             self.seen = self.options.now()
-
-    def _refused(self, target: Target, error: ApiError) -> None:
-        if error.status != 403 or target.kind != "StorageClass":
-            raise error
-        self.view.hidden.add(target.kind)  # only says why a claim is pending, so the wait can do without
-        self.unlisted.discard(target)
 
     def rows(self) -> list[Row]:
         """The verdicts now. Until every stream has listed, nothing passes: what is missing may only be unseen."""
@@ -106,7 +103,7 @@ class _Wait:
             elif verdict.verdict != FAIL:
                 verdict = self._with_pods(pods, verdict)
                 if self.options.begun and verdict.verdict == WAIT and self._have_begun(ref, pods, verdict, now):
-                    verdict = Verdict(PASS, verdict.reason)
+                    verdict = replace(verdict, verdict=PASS, suspect="")
             rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
         return rows
 
@@ -118,7 +115,7 @@ class _Wait:
         wanted = self.view.get(ref.kind, ref.namespace, ref.name) or {}
         if (wanted.get("spec") or {}).get("minReadySeconds"):
             return any(map(is_ready, pods))
-        up = [self.up.setdefault(uid_of(pod), now) for pod in pods if is_up(pod)]
+        up = [self.up.setdefault(uid_of(pod), now) for pod in pods if running(pod)]
         return verdict.suspect in NO_PLACE or any(now - since >= BEGUN_SECONDS for since in up)
 
     def _with_pods(self, pods: Sequence[Object], verdict: Verdict) -> Verdict:
@@ -129,16 +126,14 @@ class _Wait:
             ended = error_end(pod, before)
             if ended:
                 return ended
-        lines = [(pod, self.news.lines.get(uid_of(pod))) for pod in pods if _waits(pod)]
-        said = [(pod, line) for pod, line in lines if line]
-        for pod, line in said if verdict.verdict == WAIT else ():
-            if HOPELESS in line:
-                return Verdict(FAIL, f"pod {name_of(pod)}: {line}")
+        waiting = [pod for pod in pods if waits_for_probe(pod)]
+        said = [f"pod {name_of(pod)}: {line}" for pod in waiting if (line := self.news.lines.get(uid_of(pod)))]
         if verdict.verdict == PASS or not said:
             return verdict
-        heard = [f"pod {name_of(pod)}: {line}" for pod, line in said[:3]]
-        rest = [] if len(said) == len(lines) and not verdict.suspect else [verdict.reason]
-        return Verdict(verdict.verdict, "; ".join([*heard, *rest]), verdict.suspect)
+        if hopeless := [text for text in said if HOPELESS in text]:
+            return Verdict(FAIL, hopeless[0])
+        rest = [] if len(said) == len(waiting) and not verdict.suspect else [verdict.reason]
+        return replace(verdict, reason="; ".join([*said[:3], *rest]))
 
     def begun_at(self, now: float) -> float | None:
         """When the next of those that run will have run for long enough."""
@@ -146,20 +141,16 @@ class _Wait:
         return min(due, default=None)
 
     def starting(self) -> list[Object]:
-        """The present pods that are up but not ready: only their probes know why."""
+        """The present pods of which only a probe knows why they are not ready."""
         if self.unlisted or self.lost:
             return []
-        return [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
+        return [pod for ref in self.refs for pod in present_pods(ref, self.view) if waits_for_probe(pod)]
 
     def unreachable(self) -> str:
         return str(next(iter(self.lost.values()))) if self.lost else ""
 
     def elapsed(self) -> float:
         return self.options.now() - self.start
-
-
-def _waits(pod: Object) -> bool:
-    return is_up(pod) and not is_ready(pod)
 
 
 def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> Result:

@@ -101,7 +101,7 @@ def left_of(replicas: str) -> Object:
     return gone_soon(pod(f"{replicas}-x", owner("ReplicaSet", replicas)))
 
 
-DONE = "1 of 1 pods updated and available"
+DONE, UNSEEN = "1 of 1 pods updated and available", "its replica set has not been seen yet"
 SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
 
 
@@ -113,8 +113,8 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "generation unseen": (rolled(new_pod, status={"observedGeneration": 1}), "wait", "generation 2"),
         "no status yet": (View([obj("Deployment", "talker", generation=1)]), "wait", "generation 1"),
         "being deleted": (View([gone_soon(deployment())]), "wait", "being deleted"),
-        "replica set unseen": (View([deployment(), new_pod]), "wait", "0 pods seen, 1 wanted"),
-        "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", "0 pods seen"),
+        "replica set unseen": (View([deployment(), new_pod]), "wait", UNSEEN),
+        "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", UNSEEN),
         # those that kubernetes.core's waiters misjudge (measured with its 6.2.0 and 6.6.0), and the like
         "0 of 1 updated": (rolled(old_pod, status={**OPEN, "updatedReplicas": 0}), "wait", "0 of 1 pods updated"),
         "1 of 3 updated": (

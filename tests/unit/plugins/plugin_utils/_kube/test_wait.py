@@ -433,9 +433,17 @@ def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_read
     assert done.error is None
     assert 4 <= len(kube.asked) <= 6
     assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
-    away = FakeKube()
-    Run((0.1, [*lists(RUNS, old_pod), lost(PODS)]), kube=away, timeout=9)
-    assert away.asked == []
+
+
+@pytest.mark.parametrize("steps", [
+    [*lists(RUNS, old_pod), lost(PODS)],
+    # a readiness gate's condition says why
+    lists(pod("talker-new-1", NEW, [app(ready=True)]), status={"availableReplicas": 0}),
+])  # fmt: skip
+def test_no_events_are_listed_where_no_probe_can_say_something_new(steps: list[StreamEvent]) -> None:
+    kube = FakeKube()
+    assert "rolled out after 9 s" in Run((0.1, steps), kube=kube, timeout=9).message
+    assert len(kube.asked) == (steps[-1].what == "listed")  # for the message
 
 
 def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:
