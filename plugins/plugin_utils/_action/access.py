@@ -27,7 +27,6 @@ from .._model.topology import EDGE_CLUSTER, address
 from .leftovers import OURS, hold, sweep
 
 LEADING = ("host", "kubeconfig", "context")  # options that say which API
-LEADING_VARIABLES = ("K8S_AUTH_HOST", "K8S_AUTH_KUBECONFIG", "K8S_AUTH_CONTEXT")
 AWAY_SECONDS = 60.0  # a server that could not be reached is not tried again by every robot of its cluster
 CONNECT_SECONDS = 5.0
 FAILURES = {one.__name__: one for one in (NoClusterError, ServersAwayError, KubeError)}
@@ -55,22 +54,13 @@ def given_way(params: Mapping[str, Any], path: str, environ: Mapping[str, str], 
     shared = cluster == EDGE_CLUSTER
     if any(options.get(name) for name in LEADING):
         return Way(options, shared, "the task's options")
-    found = [name for name in LEADING_VARIABLES if environ.get(name)]
+    found = [name for name in (f"K8S_AUTH_{option.upper()}" for option in LEADING) if environ.get(name)]
     if shared and found:
         return Way(options, True, f"{' and '.join(found)} of the environment")
     place = Path(path).expanduser() if path else None
     if place and is_foreign(str(place)):  # what a run wrote there itself is for kubectl
         return Way({**options, "kubeconfig": str(place)}, False, f"k3s_kubeconfig_path, {path}")
     return None
-
-
-def first_time(directory: Path, cluster: str) -> bool:
-    """Whether this is the run's first way to that cluster: which one a run takes is said once."""
-    try:
-        (directory / f"{OURS}{cluster}.said").touch(mode=0o600, exist_ok=False)
-    except FileExistsError:
-        return False
-    return True
 
 
 def accepts(host: str, port: int) -> bool:

@@ -11,15 +11,16 @@ object, its controller's answer, a replica set) is a `wait`, never an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from ...module_utils._common.poll import FAIL, PASS, WAIT
-from ...module_utils._step.objects import Object, is_ready, is_terminating, name_of
+from ...module_utils._step.objects import Object, annotations_of, is_ready, is_terminating, labels_of, name_of
 from .cache import Ref, View, has_rollout, owned_by
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, trouble, uid_of, why_not_ready
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, trouble, why_not_ready
 
 REVISION = "deployment.kubernetes.io/revision"
 HASH = "controller-revision-hash"
+WORKLOADS = ("Deployment", "DaemonSet")
 
 
 def _number(data: Object, key: str, default: int = 0) -> int:
@@ -76,27 +77,27 @@ def _all_pods(ref: Ref, view: View) -> list[Object]:
 
 def _current_pods(ref: Ref, obj: Object, view: View) -> list[Object]:
     """Those of the present template that are to stay."""
-    pods = [pod for pod in _all_pods(ref, view) if not is_terminating(pod)]
+    newest = _newest(ref, obj, view)
+    pods = [pod for pod in _all_pods(ref, view) if newest and not is_terminating(pod)]
     if ref.kind == "Deployment":
-        newest = _current_set(ref, obj, view)
         return [pod for pod in pods if newest and owned_by(pod, newest)]
-    wanted = _wanted_hash(ref, obj, view)
-    return [pod for pod in pods if wanted and owned_by(pod, obj) and _hash(pod) == wanted]
+    return [pod for pod in pods if owned_by(pod, obj) and labels_of(pod).get(HASH) == labels_of(newest).get(HASH)]
 
 
-# --- Deployment -----------------------------------------------------------------------------------------------------
+def _newest(ref: Ref, obj: Object, view: View) -> Object | None:
+    """The replica set, or the controller revision, of the present template; None until the API has shown it to us."""
+    kind = "ReplicaSet" if ref.kind == "Deployment" else "ControllerRevision"
+    owned = [one for one in view.all(kind, ref.namespace) if owned_by(one, obj)]
+    newest = max(owned, key=_revision, default=None)
+    return newest if newest and _revision(newest) >= _revision(obj) else None
 
 
 def _revision(obj: Object) -> int:
-    value = (meta(obj).get("annotations") or {}).get(REVISION, "")
-    return int(value) if str(value).isdigit() else 0
+    value = str(annotations_of(obj).get(REVISION) or obj.get("revision"))
+    return int(value) if value.isdigit() else 0
 
 
-def _current_set(ref: Ref, obj: Object, view: View) -> Object | None:
-    """The replica set of the present template; None until the API has shown it to us."""
-    sets = [one for one in view.all("ReplicaSet", ref.namespace) if owned_by(one, obj)]
-    newest = max(sets, key=_revision, default=None)
-    return newest if newest and _revision(newest) >= _revision(obj) else None
+# --- Deployment -----------------------------------------------------------------------------------------------------
 
 
 def _deadline(obj: Object, current: Sequence[Object]) -> Verdict | None:
@@ -148,9 +149,8 @@ def _deployment_waits(obj: Object, current: Sequence[Object], old: Sequence[Obje
 
 
 def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
-    newest, current = _current_set(ref, obj, view), _current_pods(ref, obj, view)
-    known = {uid_of(pod) for pod in current}
-    old = [pod for pod in _all_pods(ref, view) if uid_of(pod) not in known]
+    newest, current = _newest(ref, obj, view), _current_pods(ref, obj, view)
+    old = [pod for pod in _all_pods(ref, view) if pod not in current]
     waits = _deployment_waits(obj, current, old) if newest else "its replica set has not been seen yet"
     paused = bool((obj.get("spec") or {}).get("paused"))
     if paused and waits:
@@ -167,16 +167,6 @@ def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
 
 
 # --- DaemonSet ------------------------------------------------------------------------------------------------------
-
-
-def _hash(pod: Object) -> str:
-    return str((meta(pod).get("labels") or {}).get(HASH, ""))
-
-
-def _wanted_hash(ref: Ref, obj: Object, view: View) -> str:
-    """What a pod of the present revision has for its hash; nothing until the controller has made that revision."""
-    owned = [one for one in view.all("ControllerRevision", ref.namespace) if owned_by(one, obj)]
-    return _hash(max(owned, key=lambda one: _number(one, "revision"))) if owned else ""
 
 
 def _daemon_waits(obj: Object, pods: Sequence[Object], current: Sequence[Object], behind: Sequence[Object]) -> str:
@@ -196,7 +186,7 @@ def _daemon_waits(obj: Object, pods: Sequence[Object], current: Sequence[Object]
 
 
 def _daemon_set(ref: Ref, obj: Object, view: View) -> Verdict:
-    if not _wanted_hash(ref, obj, view):
+    if _newest(ref, obj, view) is None:
         return Verdict(WAIT, "its controller revision has not been seen yet")
     pods, current = _all_pods(ref, view), _current_pods(ref, obj, view)
     older = [pod for pod in pods if pod not in current and not is_terminating(pod)]
@@ -264,8 +254,6 @@ def _node(obj: Object) -> Verdict:
 
 # --- all kinds ------------------------------------------------------------------------------------------------------
 
-_WORKLOADS: dict[str, Callable[[Ref, Object, View], Verdict]] = {"Deployment": _deployment, "DaemonSet": _daemon_set}
-
 
 def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
     """The verdict on one object; `refs` are all that are waited for together."""
@@ -276,14 +264,14 @@ def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
         return Verdict(WAIT, "is not there yet")
     if unseen := _unseen(obj):
         return unseen
-    if ref.kind in _WORKLOADS:
-        return _WORKLOADS[ref.kind](ref, obj, view)
+    if ref.kind in WORKLOADS:
+        return (_deployment if ref.kind == "Deployment" else _daemon_set)(ref, obj, view)
     return _node(obj) if ref.kind == "Node" else _claim(ref, obj, view, refs)
 
 
 def present_pods(ref: Ref, view: View) -> list[Object]:
     """The pods of the present template that are to stay: whose news are news of this rollout."""
-    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) and ref.kind in _WORKLOADS else None
+    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) and ref.kind in WORKLOADS else None
     return _current_pods(ref, obj, view) if obj and not _unseen(obj) else []
 
 

@@ -16,7 +16,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import
     AWAY_SECONDS,
     Fetch,
     Way,
-    first_time,
     given_way,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
@@ -204,7 +203,3 @@ def test_a_server_that_is_away_is_no_server_without_k3s(tmp_path: Path) -> None:
     with pytest.raises(KubeError) as error:
         Servers(edge1=ServersAwayError("no route"), edge2=none, edge3=none).way(tmp_path)
     assert not isinstance(error.value, (NoClusterError, ServersAwayError))
-
-
-def test_which_way_a_run_takes_is_said_once(tmp_path: Path) -> None:
-    assert [first_time(tmp_path, cluster) for cluster in ("edge", "edge", "robot2")] == [True, False, True]

@@ -134,7 +134,7 @@ def test_a_run_has_ended_only_where_that_is_certain(change: dict[str, Any], ende
 
 
 def left(directory: Path, owner: Any = DEAD) -> Path:
-    directory.mkdir()
+    directory.mkdir(mode=0o700)
     for name in (USED, "rosops-fleet-edge.yaml"):
         (directory / name).write_text("x")
     (directory / OWNER).write_text(json.dumps(owner))
@@ -145,19 +145,13 @@ def test_no_link_is_followed_and_nothing_of_others_is_touched(tmp_path: Path) ->
     outside = left(tmp_path / "outside")
     (tmp_path / "ansible-local-link").symlink_to(outside)
     strange = left(tmp_path / "ansible-local-strange", owner=["no", "owner"])
-    nobody = tmp_path / "ansible-local-nobody"
-    nobody.mkdir()
-    (nobody / "rosops-fleet-edge.yaml").write_text("x")
-    ours = left(tmp_path / "ansible-local-ours")
-    (ours / "rosops-fleet-robot1.yaml").symlink_to(outside / "rosops-fleet-edge.yaml")
-    (ours / "rosops-fleet-directory").mkdir()
-    by_link = left(tmp_path / "ansible-local-by-link")
-    (by_link / OWNER).unlink()
-    (by_link / OWNER).symlink_to(outside / OWNER)
-    before = [names(place) for place in (outside, strange, nobody, by_link)]
+    nobody = left(tmp_path / "ansible-local-nobody")
+    (nobody / OWNER).unlink()
+    shared = left(tmp_path / "ansible-local-shared")  # anybody may have put a link into it
+    shared.chmod(0o770)
+    before = [names(place) for place in (outside, strange, nobody, shared)]
     sweep(tmp_path / "ansible-local-me")
-    assert [names(place) for place in (outside, strange, nobody, by_link)] == before
-    assert names(ours) == ["rosops-fleet-directory", "rosops-fleet-robot1.yaml"]
+    assert [names(place) for place in (outside, strange, nobody, shared)] == before
 
 
 def test_another_users_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
