@@ -158,10 +158,7 @@ def written(done: Sequence[Applied]) -> dict[str, Any]:
     return {
         "changed": any(one.changed for one in done),
         "diff": diff_of(done),
-        "results": [
-            {"kind": one.ref.kind, "name": one.ref.name, "namespace": one.ref.namespace, "changed": one.changed}
-            for one in done
-        ],
+        "results": [{**one.ref.as_dict(), "changed": one.changed} for one in done],
     }
 
 

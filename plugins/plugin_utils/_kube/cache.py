@@ -77,6 +77,9 @@ class Ref:
     def __str__(self) -> str:
         return f"{self.kind} {self.namespace}/{self.name}" if self.namespace else f"{self.kind} {self.name}"
 
+    def as_dict(self) -> dict[str, str]:
+        return {"kind": self.kind, "name": self.name, "namespace": self.namespace}
+
 
 # What to watch to judge the kinds that are rolled out: those of the groups `apps` and "", the core's.
 WATCHED: dict[str, tuple[str, ...]] = {

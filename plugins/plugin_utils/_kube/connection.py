@@ -27,13 +27,10 @@ from ...module_utils._common.documents import Arguments
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object
 from ...module_utils._step.words import MANAGER
-from .access import Access, access_from, forget_key_files
+from .access import BROKEN, Access, access_from, forget_key_files
 
-BROKEN: tuple[type[Exception], ...] = (OSError,)  # what a broken connection raises
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
-
-    BROKEN = (urllib3.exceptions.HTTPError, OSError)
 
 Answer = TypeVar("Answer")
 Query = Mapping[str, str | int]
@@ -172,12 +169,10 @@ class ApiConnection:
         return ApiError(text, transient=not untrusted, misfit=untrusted)
 
     def _refused(self, answer: Any, what: str) -> ApiError:
-        status, body = int(answer.status), b""
-        try:
-            body = answer.data
-            message = str(json.loads(body).get("message") or "")
-        except (*BROKEN, ValueError, AttributeError):  # no Kubernetes Status: the start of whatever answered instead
-            message = body[:200].decode("utf-8", "replace").strip()
+        status, message = int(answer.status), ""
+        with contextlib.suppress(*BROKEN, ValueError, AttributeError):
+            message = answer.data[:200].decode("utf-8", "replace").strip()  # of whatever answered, if no Status
+            message = str(json.loads(answer.data).get("message") or "")
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
             todo = "Its namespace has to be applied first"

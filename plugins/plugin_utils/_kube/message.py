@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 
 from ...module_utils._common.poll import PASS
 from ...module_utils._step.objects import Object, is_terminating, name_of
@@ -39,53 +38,38 @@ _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _NAME, _NUMBER = re.compile(r"^\[[^\]]*\]"), re.compile(r"\d+")  # `[camera-3] killing on exit`
 
 
-@dataclass(frozen=True)
-class Row:
-    """One object and the last verdict on it."""
-
-    ref: Ref
-    verdict: Verdict
-
-    def as_dict(self) -> dict[str, str]:
-        ref, verdict = self.ref, self.verdict
-        names = {"kind": ref.kind, "name": ref.name, "namespace": ref.namespace}
-        return {**names, "verdict": verdict.verdict, "reason": verdict.reason}
-
-    def __str__(self) -> str:
-        return f"{self.ref}: {self.verdict.reason}"
+Verdicts = Mapping[Ref, Verdict]  # the last one on each object
 
 
-def progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
+def progress(rows: Verdicts, elapsed: float, unreachable: str) -> str:
     """What is still open, in a few lines."""
-    open_rows = [row for row in rows if row.verdict.verdict != PASS]
-    if not open_rows:
+    still = [f"  {ref}: {verdict.reason}" for ref, verdict in rows.items() if verdict.verdict != PASS]
+    if not still:
         return "rollout: all of it is there, and watched for a while"
-    lines = [f"rollout: {len(open_rows)} of {len(rows)} still open after {elapsed:.0f} s"]
+    lines = [f"rollout: {len(still)} of {len(rows)} still open after {elapsed:.0f} s"]
     if unreachable:
         lines.append(f"  no news at the moment: {unreachable}")
-    lines += [f"  {row}" for row in open_rows[:SHOWN]]
-    if len(open_rows) > SHOWN:
-        lines.append(f"  and {len(open_rows) - SHOWN} more")
-    return "\n".join(lines)
+    more = [f"  and {len(still) - SHOWN} more"] if len(still) > SHOWN else []
+    return "\n".join([*lines, *still[:SHOWN], *more])
 
 
-def cause_first(row: Row) -> str:
+def cause_first(ref: Ref, reason: str) -> str:
     """What is wrong, as the app or the kubelet has it, and then whose it is."""
-    found = _WHERE.match(row.verdict.reason)
-    where, why = (f", {found[1]}", found[2]) if found else ("", row.verdict.reason)
-    return f"{why} ({row.ref}{where})"
+    found = _WHERE.match(reason)
+    where, why = (f", {found[1]}", found[2]) if found else ("", reason)
+    return f"{why} ({ref}{where})"
 
 
-def notes_on(kube: Kube, bad: Sequence[Row], view: View) -> list[str]:
+def notes_on(kube: Kube, bad: Verdicts, view: View) -> list[str]:
     """What the cluster has to say beyond the status: the last warnings, and the last words of what crashed.
 
     It only explains a failure that is already certain, so it does without what it may not read.
     """
     notes: list[str] = []
-    said = " ".join(row.verdict.reason for row in bad)
+    said = " ".join(verdict.reason for verdict in bad.values())
     try:
-        for namespace in sorted({row.ref.namespace for row in bad if row.ref.namespace})[:3]:
-            names = {row.ref.name for row in bad if row.ref.namespace == namespace}
+        for namespace in sorted({ref.namespace for ref in bad if ref.namespace})[:3]:
+            names = {ref.name for ref in bad if ref.namespace == namespace}
             events = kube.objects("Event", namespace, fields="type=Warning")
             for pod in view.all("Pod", namespace):
                 notes += _last_words(kube, pod, names, said)

@@ -18,7 +18,7 @@ from ...module_utils._step.words import HOPELESS
 from .cache import Ref, Target, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
-from .message import ProbeNews, Row, cause_first, notes_on, progress
+from .message import ProbeNews, Verdicts, cause_first, notes_on, progress
 from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, restarts, running, uid_of, waits_for_probe
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch
@@ -93,9 +93,9 @@ class _Wait:
         if blind and not self.unlisted:
             self.seen = self.options.now()
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> Verdicts:
         """The verdicts now. Until every stream has listed, nothing passes: what is missing may only be unseen."""
-        now, rows = self.options.now(), []
+        now, rows = self.options.now(), {}
         for ref in self.refs:
             verdict, pods = judge(ref, self.view, self.refs), present_pods(ref, self.view)
             if self.unlisted:
@@ -104,7 +104,7 @@ class _Wait:
                 verdict = self._with_pods(pods, verdict)
                 if self.options.begun and verdict.verdict == WAIT and self._have_begun(ref, pods, verdict, now):
                     verdict = replace(verdict, verdict=PASS, suspect="")
-            rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
+            rows[ref] = self.tracker.settle(ref, verdict, now)
         return rows
 
     def _have_begun(self, ref: Ref, pods: Sequence[Object], verdict: Verdict, now: float) -> bool:
@@ -147,7 +147,7 @@ class _Wait:
         return [pod for ref in self.refs for pod in present_pods(ref, self.view) if waits_for_probe(pod)]
 
     def unreachable(self) -> str:
-        return str(next(iter(self.lost.values()))) if self.lost else ""
+        return str(next(iter(self.lost.values()), ""))
 
     def elapsed(self) -> float:
         return self.options.now() - self.start
@@ -160,9 +160,9 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
     with options.watch(kube, targets_for(refs)) as stream:
         while True:
             rows = wait.rows()
-            if any(row.verdict.verdict == WAIT for row in rows) and wait.news.ask(kube, wait.starting(), options.now()):
+            if _overall(rows) == WAIT and wait.news.ask(kube, wait.starting(), options.now()):
                 rows = wait.rows()
-            verdict, now = overall([row.verdict.verdict for row in rows]), options.now()
+            verdict, now = _overall(rows), options.now()
             if wait.stayed(verdict):
                 return _result(rows, wait.elapsed())
             wait.count()
@@ -174,16 +174,18 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
             if now >= say_at:
                 options.say(progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [max(wait.end(), wait.gone), say_at, wait.tracker.due(), wait.begun_at(now)]
-            # what is only watched has no news to tell, and no end of its time
-            ends += [wait.news.due(wait.starting(), now)] if wait.well is None else []
-            ends[0] = ends[0] if wait.well is None else wait.well + options.watched
-            until = min(end for end in ends if end is not None)
-            if wait.unlisted:
-                until = min(until, now + 1.0)
-            for change in stream.changes(until - now):
+            ends = [say_at, wait.tracker.due(), wait.begun_at(now), now + 1.0 if wait.unlisted else None]
+            if wait.well is None:
+                ends += [max(wait.end(), wait.gone), wait.news.due(wait.starting(), now)]
+            else:  # what is only watched has no news to tell, and no end of its time
+                ends.append(wait.well + options.watched)
+            for change in stream.changes(min(end for end in ends if end is not None) - now):
                 wait.take(change)
     raise _not_ready(kube, wait, rows, verdict)
+
+
+def _overall(rows: Verdicts) -> str:
+    return overall([one.verdict for one in rows.values()])
 
 
 def look_once(kube: Kube, refs: Sequence[Ref]) -> Result:
@@ -196,21 +198,21 @@ def look_once(kube: Kube, refs: Sequence[Ref]) -> Result:
             if exc.status != 403:
                 raise
             view.hidden.add(target.kind)
-    rows = [Row(ref, judge(ref, view, refs)) for ref in refs]
-    return _result(rows, time.monotonic() - start)
+    return _result({ref: judge(ref, view, refs) for ref in refs}, time.monotonic() - start)
 
 
-def _result(rows: Sequence[Row], elapsed: float) -> Result:
-    return {"objects": [row.as_dict() for row in rows], "elapsed": round(elapsed, 3)}
+def _result(rows: Verdicts, elapsed: float) -> Result:
+    objects = [{**ref.as_dict(), "verdict": one.verdict, "reason": one.reason} for ref, one in rows.items()]
+    return {"objects": objects, "elapsed": round(elapsed, 3)}
 
 
-def _not_ready(kube: Kube, wait: _Wait, rows: Sequence[Row], verdict: str) -> NotReadyError:
-    bad = [row for row in rows if row.verdict.verdict == (FAIL if verdict == FAIL else WAIT)]
+def _not_ready(kube: Kube, wait: _Wait, rows: Verdicts, verdict: str) -> NotReadyError:
+    bad = {ref: one for ref, one in rows.items() if one.verdict == (FAIL if verdict == FAIL else WAIT)}
     elapsed = wait.elapsed()
     what = "cannot be rolled out" if verdict == FAIL else f"are not rolled out after {elapsed:.0f} s"
     notes = [] if wait.unlisted or wait.lost else notes_on(kube, bad, wait.view)
-    which = ", ".join(str(row.ref) for row in bad)
-    lines = [*(cause_first(row) for row in bad), *notes, f"  {len(bad)} of {len(rows)} {what}: {which}"]
+    causes = [cause_first(ref, one.reason) for ref, one in bad.items()]
+    lines = [*causes, *notes, f"  {len(bad)} of {len(rows)} {what}: {', '.join(map(str, bad))}"]
     if wait.unreachable() and not wait.unlisted:
         lines.append(f"  The last news is old: {wait.unreachable()}")
     return NotReadyError("\n".join(lines), **_result(rows, elapsed))

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...module_utils._step.objects import Object
+from .access import BROKEN
 from .cache import Target
-from .connection import BROKEN, FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
+from .connection import FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
 
 # The server ends a watch after that time and it begins anew. So a link that died without a word is noticed READ_SLACK
 # later, and not after the operating system's quarter of an hour.
@@ -138,16 +139,15 @@ class Watch:
     def _stream(self, target: Target, answer: Any) -> None:
         """Tell what comes in, to its end. What breaks it is not worth a word: the list that follows tells the truth."""
         try:
-            for line in _lines(answer):
-                event = json.loads(line)
-                kind, obj = event["type"], event["object"]
-                if kind == "ERROR" and obj.get("code") != 410:
-                    raise ApiError(f"Watching {target} at {self._kube.host}: {obj.get('message')}", transient=True)
-                if kind not in ("ADDED", "MODIFIED", "DELETED"):
-                    return
-                self._tell("gone" if kind == "DELETED" else "set", target, obj)
-        except (*BROKEN, ValueError, KeyError, TypeError):  # cut off, within a line maybe, or no watch event at all
-            return
+            with contextlib.suppress(*BROKEN, ValueError, KeyError, TypeError):  # cut off, or no watch event at all
+                for line in _lines(answer):
+                    event = json.loads(line)
+                    kind, obj = event["type"], event["object"]
+                    if kind == "ERROR" and obj.get("code") != 410:
+                        raise ApiError(f"Watching {target} at {self._kube.host}: {obj.get('message')}", transient=True)
+                    if kind not in ("ADDED", "MODIFIED", "DELETED"):
+                        return
+                    self._tell("gone" if kind == "DELETED" else "set", target, obj)
         finally:
             self._answers.pop(target, None)
             answer.close()

@@ -12,7 +12,6 @@ import pytest
 import yaml
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import (
-    _cluster_access,
     _fleet_info,
     _node_apply,
     _observability_stack,
@@ -297,7 +296,7 @@ def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyP
 
 def test_every_host_of_a_look_gets_its_access_or_leaves_it_to_the_look(monkeypatch: pytest.MonkeyPatch) -> None:
     servers = serve(monkeypatch, lambda _host: AWAY)
-    assert not run(_cluster_access, {}, inventory(own="robot2")).get("failed")
+    assert not run(_fleet_info, {"access_only": True}, inventory(own="robot2")).get("failed")
     assert servers == ["robot2"] * 2
     found = run(_fleet_info, {"volumes": "usage"}, {**inventory(), "ansible_play_hosts_all": ["robot2"]})
     assert servers == ["robot2"] * 2
