@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -101,19 +99,6 @@ def test_it_is_fetched_from_the_first_server_and_once(tmp_path: Path) -> None:
     servers.fetch(tmp_path).forget("edge")
     servers.way(tmp_path)
     assert servers.asked == ["edge1"] * 2
-
-
-def test_a_hundred_agents_at_once_fetch_it_once(tmp_path: Path) -> None:
-    servers, meeting = Servers(), threading.Barrier(100)
-
-    def agent(_number: int) -> Any:
-        meeting.wait(60)
-        return servers.way(tmp_path).options
-
-    with ThreadPoolExecutor(100) as pool:
-        ways = list(pool.map(agent, range(100)))
-    assert servers.asked == ["edge1"]
-    assert all(way == ways[0] for way in ways)
 
 
 def test_a_hiccup_puts_off_nobody_and_is_told(tmp_path: Path) -> None:

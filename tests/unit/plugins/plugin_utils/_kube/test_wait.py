@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
@@ -51,15 +52,9 @@ class Script:
         self.followed: list[Target] = []
         self.waits = 0
 
-    def __call__(self, _kube: Any, targets: Iterable[Target]) -> Script:
+    def __call__(self, _kube: Any, targets: Iterable[Target]) -> Any:
         self.followed += targets
-        return self
-
-    def __enter__(self) -> Script:
-        return self
-
-    def __exit__(self, *unused: object) -> None:
-        """Nothing to end."""
+        return nullcontext(self)
 
     def changes(self, timeout: float) -> list[StreamEvent]:
         self.waits += 1
