@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object, name_of
@@ -73,6 +73,7 @@ class Ref:
     name: str
     namespace: str = ""
     api_version: str = ""
+    uid: str = field(default="", compare=False)  # where just that very object is meant, and none of its name
 
     def __str__(self) -> str:
         return f"{self.kind} {self.namespace}/{self.name}" if self.namespace else f"{self.kind} {self.name}"
@@ -153,16 +154,14 @@ def parse_refs(objects: Sequence[Object]) -> list[Ref]:
     problems: list[str] = []
     for index, obj in enumerate(objects):
         full = obj["metadata"] if isinstance(obj.get("metadata"), Mapping) else {}
-        kind = str(obj.get("kind") or "")
-        name = str(obj.get("name") or full.get("name") or "")
-        namespace = str(obj.get("namespace") or full.get("namespace") or "")
-        api_version = str(obj.get("api_version") or obj.get("apiVersion") or "")
-        missing = [key for key, value in (("kind", kind), ("name", name)) if not value]
-        ref = Ref(kind, name, namespace, api_version)
-        if has_rollout(ref) and not RESOURCES[kind].namespaced:
-            ref = Ref(kind, name, "", api_version)
-        elif has_rollout(ref) and not namespace:
-            missing.append("namespace")
+        kind, name, namespace = (str(obj.get(key) or full.get(key) or "") for key in ("kind", "name", "namespace"))
+        ref = Ref(kind, name, namespace, str(obj.get("api_version") or obj.get("apiVersion") or ""))
+        needed = ["kind", "name"]
+        if has_rollout(ref) and RESOURCES[kind].namespaced:
+            needed.append("namespace")
+        elif has_rollout(ref):
+            ref = replace(ref, namespace="")
+        missing = [key for key in needed if not getattr(ref, key)]
         problems += [f"objects[{index}].{key}: missing" for key in missing]
         if kind in UNJUDGED and _in_group(ref, UNJUDGED[kind]):
             allowed = f"{', '.join(WATCHED)}, and kinds that have no rollout"

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import without_secrets
@@ -124,9 +124,7 @@ class Kube(ApiConnection):
         part = {"metadata": {"managedFields": taken, "resourceVersion": there["metadata"]["resourceVersion"]}}
         return self._object("PATCH", _path(ref), {"fieldManager": MANAGER}, part, MERGE)
 
-    def delete(
-        self, refs: Iterable[Ref], dry_run: bool = False, uids: Mapping[Ref, str] | None = None
-    ) -> list[Applied]:
+    def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
         """Delete these, what they own in the background; what is not there is fine.
 
         Where a uid is said only just that object is deleted: another one of its name stays as it is.
@@ -136,13 +134,13 @@ class Kube(ApiConnection):
         options: Object = {"kind": "DeleteOptions", "apiVersion": "v1", "propagationPolicy": "Background"}
         options |= {"dryRun": ["All"]} if dry_run else {}
         for ref in refs:
-            before, after, uid = self.get(ref), None, (uids or {}).get(ref)
+            before, after = self.get(ref), None
             if before is not None:
-                body = {**options, **({"preconditions": {"uid": uid}} if uid else {})}
+                body = {**options, **({"preconditions": {"uid": ref.uid}} if ref.uid else {})}
                 try:
                     self._object("DELETE", _path(ref), {}, body, JSON)
                 except ApiError as exc:
-                    if exc.status == 409 and uid:
+                    if exc.status == 409 and ref.uid:
                         after = before
                     elif exc.status != 404:
                         raise
@@ -202,9 +200,8 @@ def ref_of(obj: Object) -> Ref:
     """Which object a full definition is of."""
     try:
         metadata = obj["metadata"]
-        return Ref(
-            str(obj["kind"]), str(metadata["name"]), str(metadata.get("namespace") or ""), str(obj["apiVersion"])
-        )
+        space, uid = (str(metadata.get(key) or "") for key in ("namespace", "uid"))
+        return Ref(str(obj["kind"]), str(metadata["name"]), space, str(obj["apiVersion"]), uid)
     except (KeyError, TypeError, AttributeError) as exc:
         raise KubeError(
             f"This is no full definition of a Kubernetes object ({exc} is missing): {str(obj)[:200]}"

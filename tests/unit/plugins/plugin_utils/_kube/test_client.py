@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import socket
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -262,7 +263,7 @@ def test_delete(kube: Kube) -> None:
     kube.apply([NAMESPACE, config_map("one")])
     ref = Ref("ConfigMap", "one", "robot-robot1", "v1")
     assert [(one.changed, one.after) for one in kube.delete([ref], dry_run=True)] == [(True, None)]
-    assert not kube.delete([ref], uids={ref: "uid-of-a-namesake"})[0].changed
+    assert not kube.delete([replace(ref, uid="uid-of-a-namesake")])[0].changed
     assert kube.get(ref) is not None
     assert [one.changed for one in kube.delete([ref, Ref("ConfigMap", "two", "robot-robot1")])] == [True, False]
     assert kube.get(ref) is None
