@@ -174,7 +174,7 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
             if now >= say_at:
                 options.say(progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [say_at, wait.tracker.due(), wait.begun_at(now), now + 1.0 if wait.unlisted else None]
+            ends = [say_at, wait.tracker.due(), wait.begun_at(now)]
             if wait.well is None:
                 ends += [max(wait.end(), wait.gone), wait.news.due(wait.starting(), now)]
             else:  # what is only watched has no news to tell, and no end of its time

@@ -140,6 +140,7 @@ def test_a_relative_path_starts_at_the_configuration_and_an_empty_one_writes_non
     monkeypatch.setattr(constants, "CONFIG_FILE", str(tmp_path / "ansible.cfg"), raising=False)
     callback.v2_playbook_on_stats(stats(robot1="ok"))
     assert [one.name for one in tmp_path.iterdir()] == (["reports"] if path else [])
+    assert not callback._display.warnings
 
 
 def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:

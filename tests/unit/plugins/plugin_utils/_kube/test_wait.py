@@ -296,6 +296,8 @@ def test_an_api_that_is_away_is_told() -> None:
     done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), timeout=25)
     assert "no news at the moment: The Kubernetes API at https://edge1:6443" in done.said[0]
     assert "The last news is old" in done.message
+    done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), (6.0, [listed(PODS, old_pod)]), timeout=25)
+    assert "news" not in done.message + done.said[0]
 
 
 @pytest.mark.parametrize(("target", "status"), [(DEPLOYMENTS, 401), (PODS, 403)])
@@ -444,7 +446,7 @@ def test_no_events_are_listed_where_no_probe_can_say_something_new(steps: list[S
 def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:
     """Of a probe by HTTP the kubelet tells the status alone."""
     status = "Startup probe failed: HTTP probe failed with statuscode: 503"
-    starting = pod("talker-new-1", NEW, [app()])
+    starting = pod("talker-new-1", NEW, [app(ready=True)], status={"initContainerStatuses": [app(name="hooks")]})
     starting["spec"]["initContainers"] = [{"name": "hooks", "restartPolicy": "Always"}]
     kube = FakeKube({"Event": [unhealthy(status, 1)]}, log="not ready: not registered yet")
     calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
