@@ -20,7 +20,7 @@ class Resource:
     namespaced: bool = True
 
     def path(self, namespace: str = "", name: str = "") -> str:
-        """The path of one object, or without a name of the list; without a namespace of the list everywhere."""
+        """Of one object, or without a name of the list; without a namespace of the list everywhere."""
         space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
         return f"{self.base}{space}/{self.plural}" + (f"/{name}" if name else "")
 
@@ -49,25 +49,9 @@ RESOURCES = {
 }
 
 
-@dataclass(frozen=True)
-class Target:
-    """What one list or stream is of: a kind, in one namespace or ("") everywhere."""
-
-    kind: str
-    namespace: str = ""
-
-    def __str__(self) -> str:
-        plural = RESOURCES[self.kind].plural
-        return f"{plural} in namespace {self.namespace}" if self.namespace else plural
-
-    @property
-    def path(self) -> str:
-        return RESOURCES[self.kind].path(self.namespace)
-
-
 @dataclass(frozen=True, order=True)
 class Ref:
-    """Names one object."""
+    """Names one object; without a name all of a kind, in one namespace or ("") everywhere."""
 
     kind: str
     name: str
@@ -77,6 +61,10 @@ class Ref:
 
     def __str__(self) -> str:
         return f"{self.kind} {self.namespace}/{self.name}" if self.namespace else f"{self.kind} {self.name}"
+
+    @property
+    def path(self) -> str:
+        return RESOURCES[self.kind].path(self.namespace, self.name)
 
     def as_dict(self) -> dict[str, str]:
         return {"kind": self.kind, "name": self.name, "namespace": self.namespace}
@@ -141,11 +129,10 @@ def _in_group(ref: Ref, group: str) -> bool:
     return not ref.api_version or ref.api_version.rpartition("/")[0] == group
 
 
-def targets_for(refs: Iterable[Ref]) -> list[Target]:
-    """A list and a stream of each kind that is watched for these, in each of their namespaces."""
+def targets_for(refs: Iterable[Ref]) -> list[Ref]:
+    """What is listed and watched for these: all of each kind that tells of them, in each of their namespaces."""
     kinds = {(kind, ref.namespace) for ref in refs if has_rollout(ref) for kind in WATCHED[ref.kind]}
-    found = {Target(kind, namespace if RESOURCES[kind].namespaced else "") for kind, namespace in kinds}
-    return sorted(found, key=str)
+    return sorted({Ref(kind, "", space if RESOURCES[kind].namespaced else "") for kind, space in kinds})
 
 
 def parse_refs(objects: Sequence[Object]) -> list[Ref]:

@@ -36,7 +36,7 @@ class Kube(ApiConnection):
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]:
         """All objects of a kind, in one namespace or everywhere."""
         query = {"labelSelector": labels, "fieldSelector": fields}
-        path, said = RESOURCES[kind].path(namespace), {key: value for key, value in query.items() if value}
+        path, said = Ref(kind, "", namespace).path, {key: value for key, value in query.items() if value}
         return self._patiently(lambda: self.page(path, said))[0]
 
     def nodes(self) -> list[Object]:
@@ -45,7 +45,7 @@ class Kube(ApiConnection):
     def get(self, ref: Ref) -> Object | None:
         """One object as it is, None if it is not there."""
         try:
-            return self._object("GET", _path(ref), {})
+            return self._object("GET", ref.path, {})
         except ApiError as exc:
             if exc.status == 404:
                 return None
@@ -54,7 +54,7 @@ class Kube(ApiConnection):
     def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str:
         """The last lines of a container's log, for a message: without what looks like a secret."""
         query: Query = {"container": container, "tailLines": lines, "previous": str(previous).lower()}
-        path = f"{RESOURCES['Pod'].path(namespace, pod)}/log"
+        path = f"{Ref('Pod', pod, namespace).path}/log"
         text = self._patiently(lambda: self._read("GET", path, query)).decode("utf-8", "replace").strip()
         return without_secrets(text)
 
@@ -112,7 +112,7 @@ class Kube(ApiConnection):
             if seen and ref.kind in FENCED and not dry_run:
                 fence = {"resourceVersion": seen["metadata"].get("resourceVersion")}
             body = {**wanted, "metadata": {**wanted["metadata"], **fence}}
-            after = self._object("PATCH", _path(ref), query, body, APPLY)
+            after = self._object("PATCH", ref.path, query, body, APPLY)
             # which a dry run cannot foresee
             return without_fields(after, foreign_fields(after, wanted, MANAGER)) if foreign and dry_run else after
 
@@ -122,7 +122,7 @@ class Kube(ApiConnection):
         """Make what others put into the object ours, so that it goes when we do not apply it."""
         taken = taken_over({"apiVersion": ref.api_version, **there}, foreign, MANAGER)
         part = {"metadata": {"managedFields": taken, "resourceVersion": there["metadata"]["resourceVersion"]}}
-        return self._object("PATCH", _path(ref), {"fieldManager": MANAGER}, part, MERGE)
+        return self._object("PATCH", ref.path, {"fieldManager": MANAGER}, part, MERGE)
 
     def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
         """Delete these, what they own in the background; what is not there is fine.
@@ -138,7 +138,7 @@ class Kube(ApiConnection):
             if before is not None:
                 body = {**options, **({"preconditions": {"uid": ref.uid}} if ref.uid else {})}
                 try:
-                    self._object("DELETE", _path(ref), {}, body, JSON)
+                    self._object("DELETE", ref.path, {}, body, JSON)
                 except ApiError as exc:
                     if exc.status == 409 and ref.uid:
                         after = before
@@ -154,7 +154,7 @@ class Kube(ApiConnection):
         """
         before = self.get(ref)
         query = {"fieldManager": MANAGER, **({"dryRun": "All"} if dry_run else {})}
-        return applied(ref, before, self._object("PATCH", _path(ref), query, part, MERGE))
+        return applied(ref, before, self._object("PATCH", ref.path, query, part, MERGE))
 
     def create(self, obj: Object) -> Object:
         """A new object; status 409 if there is one of its name."""
@@ -163,7 +163,7 @@ class Kube(ApiConnection):
 
     def replace(self, obj: Object) -> Object:
         """The whole object anew; status 409 if it is not of the resourceVersion that `obj` has."""
-        return self._object("PUT", _path(ref_of(obj)), {}, obj, JSON)
+        return self._object("PUT", ref_of(obj).path, {}, obj, JSON)
 
     def _present(self, refs: Sequence[Ref]) -> dict[Ref, Object | None]:
         """The objects as they are, where one list is cheaper than a look at each."""
@@ -190,10 +190,6 @@ class Kube(ApiConnection):
 
     def _namespace_is_new(self, ref: Ref) -> bool:
         return bool(ref.namespace) and self.get(Ref("Namespace", ref.namespace)) is None
-
-
-def _path(ref: Ref) -> str:
-    return RESOURCES[ref.kind].path(ref.namespace, ref.name)
 
 
 def ref_of(obj: Object) -> Ref:

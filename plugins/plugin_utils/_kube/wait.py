@@ -15,7 +15,7 @@ from ...module_utils._common.errors import NotReadyError
 from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ...module_utils._step.objects import Object, is_ready, name_of
 from ...module_utils._step.words import HOPELESS
-from .cache import Ref, Target, View, targets_for
+from .cache import Ref, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
 from .message import ProbeNews, Verdicts, cause_first, notes_on, progress
@@ -40,7 +40,7 @@ class WaitOptions:
     begun: bool = False  # enough that the new pods run, or have no place yet; with minReadySeconds, that they are Ready
     say: Callable[[str], None] = lambda _text: None
     now: Callable[[], float] = time.monotonic
-    watch: Callable[[Kube, Iterable[Target]], Watch] = Watch
+    watch: Callable[[Kube, Iterable[Ref]], Watch] = Watch
 
 
 class _Wait:
@@ -52,7 +52,7 @@ class _Wait:
         self.well: float | None = None  # since when all of it is rolled out
         self.up: dict[str, float] = {}  # by pod uid, since when one was seen to run that is to begin
         self.unlisted = set(targets_for(refs))
-        self.lost: dict[Target, ApiError] = {}
+        self.lost: dict[Ref, ApiError] = {}
         self.leaving: dict[str, float] = {}  # by pod uid, until when it may take to end
         self.start = self.seen = self.counted = self.gone = options.now()
 

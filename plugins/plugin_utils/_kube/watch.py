@@ -14,7 +14,7 @@ from typing import Any
 
 from ...module_utils._step.objects import Object
 from .access import BROKEN
-from .cache import Target
+from .cache import Ref
 from .connection import FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
 
 # The server ends a watch after that time and it begins anew. So a link that died without a word is noticed READ_SLACK
@@ -36,7 +36,7 @@ class StreamEvent:
     """
 
     what: str
-    target: Target
+    target: Ref
     objects: list[Object] = field(default_factory=list)
     error: ApiError | None = None
 
@@ -61,17 +61,17 @@ class Watch:
     that the server has forgotten (410 Gone), it begins anew with a list. Use it as a context, which ends the threads.
     """
 
-    def __init__(self, kube: ApiConnection, targets: Iterable[Target]) -> None:
+    def __init__(self, kube: ApiConnection, targets: Iterable[Ref]) -> None:
         self._kube = kube
         self._changes: queue.Queue[StreamEvent] = queue.Queue()
         self._over = threading.Event()
-        self._answers: dict[Target, Any] = {}
+        self._answers: dict[Ref, Any] = {}
         self._threads: list[threading.Thread] = []
         self._targets = list(targets)
 
     def __enter__(self) -> Watch:
         for target in self._targets:
-            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target}", daemon=True)
+            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target.path}", daemon=True)
             self._threads.append(thread)
             thread.start()
         return self
@@ -95,19 +95,19 @@ class Watch:
             except queue.Empty:
                 return found
 
-    def _tell(self, what: str, target: Target, *objects: Object, error: ApiError | None = None) -> None:
+    def _tell(self, what: str, target: Ref, *objects: Object, error: ApiError | None = None) -> None:
         self._changes.put(StreamEvent(what, target, list(objects), error))
 
-    def _run(self, target: Target) -> None:
+    def _run(self, target: Ref) -> None:
         """A thread that dies without a word would leave the wait blind, so whatever ends it is told."""
         try:
             self._follow(target)
         except Exception as exc:
             if not self._over.is_set():
-                error = exc if isinstance(exc, ApiError) else ApiError(f"Watching {target} broke: {exc!r}")
+                error = exc if isinstance(exc, ApiError) else ApiError(f"Watching {target.path} broke: {exc!r}")
                 self._tell("refused", target, error=error)
 
-    def _follow(self, target: Target) -> None:
+    def _follow(self, target: Ref) -> None:
         pause, worked, refusals = FIRST_PAUSE, False, 0
         while not self._over.is_set():
             try:
@@ -128,7 +128,7 @@ class Watch:
                 self._over.wait(pause)
                 pause = min(pause * 2, LONGEST_PAUSE)
 
-    def _open(self, target: Target, version: str) -> Any:
+    def _open(self, target: Ref, version: str) -> Any:
         query = {"watch": "1", "resourceVersion": version, "timeoutSeconds": str(WATCH_SECONDS)}
         answer = self._kube.request("GET", target.path, query, read_seconds=WATCH_SECONDS + READ_SLACK)
         self._answers[target] = answer
@@ -136,7 +136,7 @@ class Watch:
             _hang_up(answer)
         return answer
 
-    def _stream(self, target: Target, answer: Any) -> None:
+    def _stream(self, target: Ref, answer: Any) -> None:
         """Tell what comes in, to its end. What breaks it is not worth a word: the list that follows tells the truth."""
         try:
             with contextlib.suppress(*BROKEN, ValueError, KeyError, TypeError):  # cut off, or no watch event at all
@@ -144,7 +144,7 @@ class Watch:
                     event = json.loads(line)
                     kind, obj = event["type"], event["object"]
                     if kind == "ERROR" and obj.get("code") != 410:
-                        raise ApiError(f"Watching {target} at {self._kube.host}: {obj.get('message')}", transient=True)
+                        raise ApiError(f"Watching {self._kube.host}{target.path}: {obj.get('message')}", transient=True)
                     if kind not in ("ADDED", "MODIFIED", "DELETED"):
                         return
                     self._tell("gone" if kind == "DELETED" else "set", target, obj)

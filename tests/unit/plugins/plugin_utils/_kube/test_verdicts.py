@@ -10,7 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import READINESS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target, View, parse_refs, targets_for
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, targets_for
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
@@ -480,8 +480,8 @@ def test_what_is_watched() -> None:
         ("StorageClass", ""),
         ("Node", ""),
     }
-    assert Target("StorageClass").path == "/apis/storage.k8s.io/v1/storageclasses"
-    assert Target("NetworkPolicy", NS).path == f"/apis/networking.k8s.io/v1/namespaces/{NS}/networkpolicies"
+    assert Ref("StorageClass", "").path == "/apis/storage.k8s.io/v1/storageclasses"
+    assert Ref("NetworkPolicy", "", NS).path == f"/apis/networking.k8s.io/v1/namespaces/{NS}/networkpolicies"
 
 
 def test_a_fresh_listing_replaces_what_was_known() -> None:

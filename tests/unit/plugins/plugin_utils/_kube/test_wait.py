@@ -11,7 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import HOPELESS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import latest, probe_line, telling
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
@@ -38,7 +38,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock
 
 DEPLOYMENT = ref("Deployment")
-DEPLOYMENTS, SETS, PODS = Target("Deployment", NS), Target("ReplicaSet", NS), Target("Pod", NS)
+DEPLOYMENTS, SETS, PODS = Ref("Deployment", "", NS), Ref("ReplicaSet", "", NS), Ref("Pod", "", NS)
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": NS}
 new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
 
@@ -49,10 +49,10 @@ class Script:
     def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[StreamEvent]]]) -> None:
         self.clock = clock
         self.steps = sorted(steps, key=lambda step: step[0])
-        self.followed: list[Target] = []
+        self.followed: list[Ref] = []
         self.waits = 0
 
-    def __call__(self, _kube: Any, targets: Iterable[Target]) -> Any:
+    def __call__(self, _kube: Any, targets: Iterable[Ref]) -> Any:
         self.followed += targets
         return nullcontext(self)
 
@@ -87,11 +87,11 @@ class FakeKube:
         return self.log
 
 
-def listed(target: Target, *objects: Object) -> StreamEvent:
+def listed(target: Ref, *objects: Object) -> StreamEvent:
     return StreamEvent("listed", target, list(objects))
 
 
-def changed(target: Target, obj: Object, what: str = "set") -> StreamEvent:
+def changed(target: Ref, obj: Object, what: str = "set") -> StreamEvent:
     return StreamEvent(what, target, [obj])
 
 
@@ -142,7 +142,7 @@ def restarted(count: int, ready: bool = True, **how: Any) -> Object:
     return made
 
 
-def lost(target: Target) -> StreamEvent:
+def lost(target: Ref) -> StreamEvent:
     return StreamEvent("lost", target, error=REFUSED)
 
 
@@ -301,13 +301,13 @@ def test_an_api_that_is_away_is_told() -> None:
 
 
 @pytest.mark.parametrize(("target", "status"), [(DEPLOYMENTS, 401), (PODS, 403)])
-def test_who_may_not_see_what_is_waited_for_waits_no_longer(target: Target, status: int) -> None:
+def test_who_may_not_see_what_is_waited_for_waits_no_longer(target: Ref, status: int) -> None:
     error = ApiError("no", status=status)
     assert Run((0.1, [StreamEvent("refused", target, error=error)])).error is error
 
 
 def test_who_may_not_read_storage_classes_waits_for_a_claim_all_the_same() -> None:
-    claims, classes = Target("PersistentVolumeClaim", NS), Target("StorageClass")
+    claims, classes = Ref("PersistentVolumeClaim", "", NS), Ref("StorageClass", "")
     forbidden = StreamEvent("refused", classes, error=ApiError("403", status=403))
     bound = obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})
     done = Run((0.1, [forbidden, listed(claims, bound)]), refs=[ref("PersistentVolumeClaim", "logs-pvc")])

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube import watch as _watch
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import StreamEvent, Watch
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import CUT, END, GONE, Server
 
-PODS = Target("Pod", "robot-robot1")
+PODS = Ref("Pod", "", "robot-robot1")
 
 
 def take(watch: Watch, count: int) -> list[StreamEvent]:
@@ -44,7 +44,7 @@ def test_a_list_then_what_changes(server: Server, kube: Kube) -> None:
 
 
 def test_several_lists_at_once(server: Server, kube: Kube) -> None:
-    nodes = Target("Node")
+    nodes = Ref("Node", "")
     with Watch(kube, [PODS, nodes]) as watch:
         assert {(change.what, change.target) for change in take(watch, 2)} == {("listed", PODS), ("listed", nodes)}
         server.send(nodes.path, "ADDED", obj("Node", "robot1"))
@@ -100,7 +100,7 @@ def test_credentials_that_worked_get_some_more_chances(
 
 
 def test_leaving_ends_the_threads(server: Server, kube: Kube) -> None:
-    with Watch(kube, [PODS, Target("Node")]) as watch:
+    with Watch(kube, [PODS, Ref("Node", "")]) as watch:
         take(watch, 2)
         server.next_watch()
         server.next_watch()
