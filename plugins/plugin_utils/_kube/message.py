@@ -118,23 +118,12 @@ def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> lis
         last = (container.get("lastState") or {}).get("terminated") or {}
         now = (container.get("state") or {}).get("terminated") or {}
         ended = last or (now if now.get("exitCode") else {})
-        where = namespace, name, str(container.get("name"))
-        if ended and not ended.get("message"):
-            log = _log_of_the_end(kube, *where)
-        elif not ended and f"pod {name}: " in said and HOPELESS in said:  # a node of it has ended, and it has not
-            log = kube.log_tail(*where, LOG_LINES, previous=False)
-        else:
-            continue
-        lines += [f"  log of pod {name}, container {where[2]}: {line}" for line in telling(log)]
+        node_ended = not ended and f"pod {name}: " in said and HOPELESS in said  # a node of it, and it has not
+        if node_ended or (ended and not ended.get("message")):
+            # if none was started since it ended, it is the present one
+            log = kube.log_tail(namespace, name, str(container.get("name")), LOG_LINES, previous=bool(last))
+            lines += [f"  log of pod {name}, container {container.get('name')}: {line}" for line in telling(log)]
     return lines
-
-
-def _log_of_the_end(kube: Kube, namespace: str, pod: str, container: str) -> str:
-    """Of the container that ended: the previous one, or the present one if none was started since."""
-    try:
-        return kube.log_tail(namespace, pod, container, LOG_LINES)
-    except ApiError:
-        return kube.log_tail(namespace, pod, container, LOG_LINES, previous=False)
 
 
 def telling(log: str, count: int = TELLING_LINES) -> list[str]:

@@ -85,15 +85,10 @@ class Watch:
 
     def changes(self, timeout: float) -> list[StreamEvent]:
         """Everything that is new; waits for the first change, at most `timeout` seconds."""
-        try:
-            found = [self._changes.get(timeout=max(timeout, 0.0))]
-        except queue.Empty:
-            return []
-        while True:
-            try:
-                found.append(self._changes.get_nowait())
-            except queue.Empty:
-                return found
+        with contextlib.suppress(queue.Empty):
+            first = self._changes.get(timeout=max(timeout, 0.0))
+            return [first, *(self._changes.get() for _more in range(self._changes.qsize()))]  # nobody else takes any
+        return []
 
     def _tell(self, what: str, target: Ref, *objects: Object, error: ApiError | None = None) -> None:
         self._changes.put(StreamEvent(what, target, list(objects), error))

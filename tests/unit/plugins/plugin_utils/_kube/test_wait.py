@@ -72,7 +72,7 @@ class FakeKube:
 
     def __init__(self, lists: dict[str, list[Object]] | None = None, log: str = "", refuse: int = 0) -> None:
         self.lists, self.log, self.refuse = lists or {}, log, refuse
-        self.no_previous = False
+        self.previous = False
         self.asked: list[tuple[str, ...]] = []
 
     def objects(self, kind: str, *where: str, **which: str) -> list[Object]:
@@ -82,7 +82,7 @@ class FakeKube:
         return self.lists.get(kind, [])
 
     def log_tail(self, *_whose: Any, previous: bool = True) -> str:
-        if previous and self.no_previous:
+        if previous and not self.previous:
             raise ApiError("previous terminated container not found", status=400)
         return self.log
 
@@ -354,7 +354,9 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
 def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     crash = waiting("CrashLoopBackOff", restartCount=2, lastState={"terminated": {"exitCode": 1}})
     steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
-    done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
+    kube = FakeKube(log="Traceback\nImportError: rospy")
+    kube.previous = True
+    done = Run(steps, kube=kube)
     assert done.message.splitlines()[-2] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
 
 
@@ -377,7 +379,6 @@ def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
 
 def test_an_end_quotes_the_log_of_the_container_that_ended() -> None:
     kube = FakeKube(log="Traceback\nImportError: rospy")
-    kube.no_previous = True
     assert Run(BOTH, (1.0, [changed(PODS, DEAD)]), kube=kube, **ONCE).message.splitlines()[:-1] == [
         f"ended with exit code 3 (Error) (Deployment {NS}/talker, pod talker-new-1, container ros-app)",
         "  log of pod talker-new-1, container ros-app: Traceback",
