@@ -82,7 +82,7 @@ class FakeKube:
         return self.lists.get(kind, [])
 
     def log_tail(self, *_whose: Any, previous: bool = True) -> str:
-        if previous and not self.previous:
+        if previous != self.previous:
             raise ApiError("previous terminated container not found", status=400)
         return self.log
 
