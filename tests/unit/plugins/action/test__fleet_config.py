@@ -77,7 +77,7 @@ def test_a_robot_has_the_apps_of_all_its_layers(tmp_path: Path) -> None:
     assert {app.name: app.env for app in apps} == {"talker": {"API_TOKEN": "known", "N": "2"}, "b": {}}
 
 
-ONE_MACHINE = {
+ONE_MACHINE: dict[str, Any] = {
     "groups": {"edge": ["edge1"], "robots": ["r1", "r2", "r3"], "all": ["edge1", "r1", "r2", "r3"]},
     "hosts": {name: {"ansible_host": "192.0.2.7"} for name in ("edge1", "r1", "r2")},
 }
