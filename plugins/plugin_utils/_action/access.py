@@ -116,7 +116,8 @@ class Fetch:
                 continue
             try:
                 text = self.read(server)
-                url = url_at(text, _place(server, hostvars))
+                front = hostvars[server].get("k3s_api_endpoint") if server in hostvars else ""  # of all servers
+                url = url_at(text, str(front or address(server, hostvars)))
             except FleetError as error:
                 if server not in problems:
                     self.say(f"the cluster {home.part.cluster} gives no access on its server {server}: {error}")
@@ -157,20 +158,15 @@ class Fetch:
             os.close(handle)
 
 
-def _place(server: str, hostvars: Mapping[str, Any]) -> str:
-    """Where that server is, or what stands in front of all servers."""
-    front = hostvars[server].get("k3s_api_endpoint") if server in hostvars else ""
-    return str(front or address(server, hostvars))
-
-
 def _together(cluster: str, problems: Mapping[str, FleetError]) -> FleetError:
     """One error of those of all servers. That k3s is not there yet counts only where every server says so."""
     said = "; ".join(f"{server}: {error}" for server, error in problems.items())
-    if all(isinstance(error, NoClusterError) for error in problems.values()):
+    kinds = {type(error) for error in problems.values()}
+    if kinds == {NoClusterError}:
         return NoClusterError(
             f"There is no cluster {cluster} yet ({said}); the stage k3s of rosops.fleet.site makes it"
         )
-    if all(isinstance(error, ServersAwayError) for error in problems.values()):
+    if kinds == {ServersAwayError}:
         return ServersAwayError(
             f"No server of the cluster {cluster} can be reached over SSH, where a run fetches its access to it; "
             f"each was tried twice ({said})"

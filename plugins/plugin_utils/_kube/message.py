@@ -37,7 +37,6 @@ _WHERE = re.compile(
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _NAME, _NUMBER = re.compile(r"^\[[^\]]*\]"), re.compile(r"\d+")  # `[camera-3] killing on exit`
 
-
 Verdicts = Mapping[Ref, Verdict]  # the last one on each object
 
 
@@ -132,8 +131,7 @@ def telling(log: str, count: int = TELLING_LINES) -> list[str]:
     Errors and exceptions come before the rest. Of what is the same each time, as the end of each node, one is enough.
     """
     lines = [line for line in (_COLOUR.sub("", line).rstrip() for line in log.splitlines()) if line.strip()]
-    places = {line: number for number, line in enumerate(lines)}  # the last place of each
-    alike = {_NUMBER.sub("", _NAME.sub("", line)): number for line, number in places.items()}
+    alike = {_NUMBER.sub("", _NAME.sub("", line)): number for number, line in enumerate(lines)}  # the last of each kind
     errors = [number for number in alike.values() if _ERROR.search(lines[number])]
     others = [number for number in alike.values() if number not in errors]
     chosen = [*sorted(errors)[-count:], *sorted(others, reverse=True)][:count]

@@ -156,9 +156,8 @@ def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
     if paused and waits:
         return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")
     refused = _refused(obj, old) if waits else None
-    found = _worst(current, view) or (refused if refused and refused.suspect else None)
-    found = found or _deadline(obj, current) or refused
-    if found:
+    lasting = refused if refused and refused.suspect else None
+    if found := _worst(current, view) or lasting or _deadline(obj, current) or refused:
         return found
     if waits:
         return Verdict(WAIT, waits)
