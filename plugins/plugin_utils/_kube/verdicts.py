@@ -151,7 +151,8 @@ def _deployment_waits(obj: Object, current: Sequence[Object], old: Sequence[Obje
 def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
     newest, current = _newest(ref, obj, view), _current_pods(ref, obj, view)
     old = [pod for pod in _all_pods(ref, view) if pod not in current]
-    waits = _deployment_waits(obj, current, old) if newest else "its replica set has not been seen yet"
+    unseen = "" if newest else "its replica set has not been seen yet"
+    waits = _deployment_waits(obj, current, old if newest else []) or unseen
     paused = bool((obj.get("spec") or {}).get("paused"))
     if paused and waits:
         return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")

@@ -99,7 +99,7 @@ def left_of(replicas: str) -> Object:
     return gone_soon(pod(f"{replicas}-x", owner("ReplicaSet", replicas)))
 
 
-DONE, UNSEEN = "1 of 1 pods updated and available", "its replica set has not been seen yet"
+DONE = "1 of 1 pods updated and available"
 SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
 
 
@@ -111,8 +111,9 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "generation unseen": (rolled(new_pod, status={"observedGeneration": 1}), "wait", "generation 2"),
         "no status yet": (View([obj("Deployment", "talker", generation=1)]), "wait", "generation 1"),
         "being deleted": (View([gone_soon(deployment())]), "wait", "being deleted"),
-        "replica set unseen": (View([deployment(), new_pod]), "wait", UNSEEN),
-        "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", UNSEEN),
+        "replica set unseen": (View([deployment(), new_pod]), "wait", "0 pods seen, 1 wanted"),
+        "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", "0 pods seen"),
+        "replica set unseen, and no pod is wanted": (View([deployment(0)]), "wait", "its replica set has not been seen"),
         # those that kubernetes.core's waiters misjudge (measured with its 6.2.0 and 6.6.0), and the like
         "1 of 3 updated": (
             rolled(new_pod, old_pod, replicas=3, status={"updatedReplicas": 1, "unavailableReplicas": 0}),
