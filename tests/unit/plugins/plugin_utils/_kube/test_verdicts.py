@@ -113,7 +113,7 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "being deleted": (View([gone_soon(deployment())]), "wait", "being deleted"),
         "replica set unseen": (View([deployment(), new_pod]), "wait", "0 pods seen, 1 wanted"),
         "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", "0 pods seen"),
-        "replica set unseen, and no pod is wanted": (View([deployment(0)]), "wait", "its replica set has not been seen"),
+        "replica set unseen, no pod wanted": (View([deployment(0)]), "wait", "its replica set has not been seen"),
         # those that kubernetes.core's waiters misjudge (measured with its 6.2.0 and 6.6.0), and the like
         "1 of 3 updated": (
             rolled(new_pod, old_pod, replicas=3, status={"updatedReplicas": 1, "unavailableReplicas": 0}),
