@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """For playbooks that look: the hosts of the run, and what their clusters answer to one question.
 
+With `access_only` a host of each cluster gets the access to it, side by side, before one task asks them all. Why there
+is none is what that task says of the cluster.
+
 `volumes` and `images` name the variables in which every host has the registered result of a task: what `du -sb` printed
 of the directories of its volumes, and what `k3s crictl images -o json` did.
 """
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import replace
 from functools import partial
@@ -14,10 +18,10 @@ from itertools import chain
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.cluster import ClusterAction
 from ..plugin_utils._images.archive import normal_ref
 from ..plugin_utils._images.node import node_images
-from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known, outdated
 from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
@@ -26,25 +30,34 @@ from ..plugin_utils._report.held import cluster_rows, outdated_rows
 
 
 class ActionModule(ClusterAction):
-    ARGUMENTS: ClassVar = {"volumes": {"type": "str", "required": True}, "images": {"type": "str", "default": ""}}
+    ARGUMENTS: ClassVar = {
+        "volumes": {"type": "str", "default": ""},
+        "images": {"type": "str", "default": ""},
+        "access_only": {"type": "bool", "default": False},
+    }
 
     def options(self) -> Result:
         return dict(self.ARGUMENTS)  # no access is that of all clusters
 
     def work(self, params: Arguments, known: Variables) -> Result:
         fleet, hostvars = Fleet.from_vars(known), HostVariables(known["hostvars"])
+
+        def way_to(host: str) -> tuple[Home, str, Variables, Arguments]:
+            path = str(hostvars[host].get("k3s_kubeconfig_path") or "")
+            return Home(fleet.hosts[host], fleet.name), path, known, {}
+
+        if params["access_only"]:
+            with contextlib.suppress(FleetError):
+                self.way(*way_to(known["inventory_hostname"]))
+            return {"changed": False}
         variables = {host: hostvars[host] for host in known["ansible_play_hosts_all"]}
         results = {host: own.get(params["volumes"], {}) for host, own in variables.items()}
         addresses = {host: str(own.get("ansible_host", host)) for host, own in variables.items()}
         hosts = look.members(fleet, addresses, results)
         asked, silent = look.clusters_of(hosts)
 
-        def connect(host: str) -> Kube:
-            path = str(variables[host].get("k3s_kubeconfig_path") or "")
-            # whoever looks wants to see it now, and can look again
-            return self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, patience=0)
-
-        answers = look.ask({cluster: partial(connect, host) for cluster, host in asked.items()})
+        # whoever looks wants to see it now, and can look again
+        answers = look.ask({name: partial(self.opened, *way_to(host), patience=0) for name, host in asked.items()})
         mute = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
         found = cluster_rows([one.objects for one in answers.values()], look.usage_of(results.values()), time.time())
         pods = chain(*(one.objects.get("Pod", ()) for one in answers.values()))

@@ -82,8 +82,7 @@ def _refuse_to_evict(kube: Kube, ref: Ref, taints: Sequence[Object]) -> None:
 def _left_by_labels(kube: Kube, change: Applied) -> list[str]:
     """Pods of ours that run on, though the node is none of theirs any more."""
     before, after = ((one or {}).get("metadata", {}).get("labels") or {} for one in (change.before, change.after))
-    went = any(after.get(name) != value for name, value in before.items())
-    return unplaced(_pods(kube, change.ref.name), before, after) if went else []
+    return unplaced(_pods(kube, change.ref.name), before, after) if change.changed else []
 
 
 def _taint(kube: Kube, ref: Ref, taints: Sequence[Object], dry_run: bool) -> list[Applied]:

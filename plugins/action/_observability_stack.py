@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the role observability: bring a cluster's stack to what the role's variables say.
+"""For the role observability: bring a cluster's stack to what the role's variables say, or tell the images it needs.
 
 Everything is built before anything is applied, so whatever is wrong with a dashboard or a setting is found first.
 """
@@ -7,6 +7,7 @@ Everything is built before anything is applied, so whatever is wrong with a dash
 from __future__ import annotations
 
 import secrets
+from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._step.objects import Object
@@ -17,12 +18,17 @@ from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ..plugin_utils._model.fleet import Fleet
 from ..plugin_utils._observability import stack
 from ..plugin_utils._observability.files import Files, stack_files
-from ..plugin_utils._observability.spec import Spec, runs, spec_of
+from ..plugin_utils._observability.spec import Spec, images, runs, spec_of
 from ..plugin_utils._report.held import nodes_off
 
 
 class ActionModule(ClusterAction):
+    ARGUMENTS: ClassVar = {"images_only": {"type": "bool", "default": False}}
+
     def work(self, params: Arguments, known: Variables) -> Result:
+        if params["images_only"]:
+            spec = spec_of(self.variables(known, "observability"))
+            return {"changed": False, "images": images(spec), "_ansible_verbose_always": True}
         spec, files = self._given(known)
         check = self._task.check_mode
         with self.cluster(params, known) as kube:

@@ -27,7 +27,6 @@ from .._model.topology import EDGE_CLUSTER, address
 from .leftovers import OURS, hold, sweep
 
 LEADING = ("host", "kubeconfig", "context")  # options that say which API
-LEADING_VARIABLES = ("K8S_AUTH_HOST", "K8S_AUTH_KUBECONFIG", "K8S_AUTH_CONTEXT")
 AWAY_SECONDS = 60.0  # a server that could not be reached is not tried again by every robot of its cluster
 CONNECT_SECONDS = 5.0
 FAILURES = {one.__name__: one for one in (NoClusterError, ServersAwayError, KubeError)}
@@ -55,22 +54,13 @@ def given_way(params: Mapping[str, Any], path: str, environ: Mapping[str, str], 
     shared = cluster == EDGE_CLUSTER
     if any(options.get(name) for name in LEADING):
         return Way(options, shared, "the task's options")
-    found = [name for name in LEADING_VARIABLES if environ.get(name)]
+    found = [name for name in (f"K8S_AUTH_{option.upper()}" for option in LEADING) if environ.get(name)]
     if shared and found:
         return Way(options, True, f"{' and '.join(found)} of the environment")
     place = Path(path).expanduser() if path else None
     if place and is_foreign(str(place)):  # what a run wrote there itself is for kubectl
         return Way({**options, "kubeconfig": str(place)}, False, f"k3s_kubeconfig_path, {path}")
     return None
-
-
-def first_time(directory: Path, cluster: str) -> bool:
-    """Whether this is the run's first way to that cluster: which one a run takes is said once."""
-    try:
-        (directory / f"{OURS}{cluster}.said").touch(mode=0o600, exist_ok=False)
-    except FileExistsError:
-        return False
-    return True
 
 
 def accepts(host: str, port: int) -> bool:
@@ -126,7 +116,8 @@ class Fetch:
                 continue
             try:
                 text = self.read(server)
-                url = url_at(text, _place(server, hostvars))
+                front = hostvars[server].get("k3s_api_endpoint") if server in hostvars else ""  # of all servers
+                url = url_at(text, str(front or address(server, hostvars)))
             except FleetError as error:
                 if server not in problems:
                     self.say(f"the cluster {home.part.cluster} gives no access on its server {server}: {error}")
@@ -167,20 +158,15 @@ class Fetch:
             os.close(handle)
 
 
-def _place(server: str, hostvars: Mapping[str, Any]) -> str:
-    """Where that server is, or what stands in front of all servers."""
-    front = hostvars[server].get("k3s_api_endpoint") if server in hostvars else ""
-    return str(front or address(server, hostvars))
-
-
 def _together(cluster: str, problems: Mapping[str, FleetError]) -> FleetError:
     """One error of those of all servers. That k3s is not there yet counts only where every server says so."""
     said = "; ".join(f"{server}: {error}" for server, error in problems.items())
-    if all(isinstance(error, NoClusterError) for error in problems.values()):
+    kinds = {type(error) for error in problems.values()}
+    if kinds == {NoClusterError}:
         return NoClusterError(
             f"There is no cluster {cluster} yet ({said}); the stage k3s of rosops.fleet.site makes it"
         )
-    if all(isinstance(error, ServersAwayError) for error in problems.values()):
+    if kinds == {ServersAwayError}:
         return ServersAwayError(
             f"No server of the cluster {cluster} can be reached over SSH, where a run fetches its access to it; "
             f"each was tried twice ({said})"

@@ -32,7 +32,7 @@ from .._kube.connection import PATIENCE, ApiError
 from .._model.fleet import UNNAMED, Home, home_from_vars, home_of
 from .._model.host_variables import HostVariables
 from .._upstream import ansible_core
-from .access import Fetch, Way, first_time, given_way
+from .access import Fetch, Way, given_way
 from .base import FleetAction
 
 display = Display()
@@ -128,8 +128,7 @@ class ClusterAction(FleetAction):
             kube.close()
             raise
         self._apis[home.part.cluster] = {"host": kube.host, "source": way.source}
-        if first_time(Path(C.DEFAULT_LOCAL_TMP), home.part.cluster):
-            display.v(f"cluster {home.part.cluster}: {where}")
+        display.vv(f"cluster {home.part.cluster}: {where}")
         return kube
 
     def _read(self, known: Mapping[str, Any], server: str) -> str:
@@ -159,10 +158,7 @@ def written(done: Sequence[Applied]) -> dict[str, Any]:
     return {
         "changed": any(one.changed for one in done),
         "diff": diff_of(done),
-        "results": [
-            {"kind": one.ref.kind, "name": one.ref.name, "namespace": one.ref.namespace, "changed": one.changed}
-            for one in done
-        ],
+        "results": [{**one.ref.as_dict(), "changed": one.changed} for one in done],
     }
 
 

@@ -20,7 +20,6 @@ from typing import Any
 
 OURS = "rosops-fleet-"  # what the names of a run's files begin with, those that are being written after a dot
 OWNER, USED = f"{OURS}owner.json", f"{OURS}used.lock"
-_NO_LINK = os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 
 Owner = dict[str, Any]
 
@@ -62,26 +61,30 @@ def sweep(directory: Path) -> list[str]:
     """Remove our files from the directories of runs that have ended, beside this run's; their paths."""
     removed: list[str] = []
     for place in sorted(directory.parent.glob("ansible-local-*")):
-        if place != directory:
-            # another run may be at the same one, and whoever ends tidies up himself
-            with contextlib.suppress(OSError, ValueError), _opened(place) as at:
-                removed += [str(place / name) for name in _swept(at)]
+        # another run may be at the same one, and whoever ends tidies up himself
+        with contextlib.suppress(OSError, ValueError):
+            if place != directory and _is_written_by_us_alone(place):
+                removed += _swept(place)
     return removed
 
 
-def _swept(at: int) -> Iterator[str]:
-    with _opened(OWNER, at) as file:
-        owner = json.loads(os.read(file, 4096))
+def _is_written_by_us_alone(place: Path) -> bool:
+    """So that nobody else can have put a link into it."""
+    seen = place.lstat()
+    return stat.S_ISDIR(seen.st_mode) and seen.st_uid == os.getuid() and not seen.st_mode & 0o022
+
+
+def _swept(place: Path) -> Iterator[str]:
+    owner = json.loads((place / OWNER).read_text("utf-8"))
     if not (isinstance(owner, dict) and has_ended(owner)):
         return
-    with _opened(USED, at) as used:
+    with (place / USED).open("rb") as used:
         fcntl.flock(used, fcntl.LOCK_EX | fcntl.LOCK_NB)  # BlockingIOError: a task outlives its run for a moment
-        names = [name for name in os.listdir(at) if name.removeprefix(".").startswith(OURS)]
+        ours = [path for path in place.iterdir() if path.name.removeprefix(".").startswith(OURS)]
         # that of the owner is the last one, so that a sweep can be gone on with
-        for name in sorted(names, key=lambda name: (name == OWNER, name)):
-            if _is_own(os.stat(name, dir_fd=at, follow_symlinks=False), stat.S_IFREG):
-                os.unlink(name, dir_fd=at)
-                yield name
+        for path in sorted(ours, key=lambda path: (path.name == OWNER, path.name)):
+            path.unlink()
+            yield str(path)
 
 
 def started(process: int) -> str:
@@ -94,22 +97,6 @@ def started(process: int) -> str:
     except OSError:
         return ""
     return "" if after_name[0] in "ZX" else after_name[19]
-
-
-@contextlib.contextmanager
-def _opened(path: str | Path, at: int | None = None) -> Iterator[int]:
-    """A directory, or a file in one, of this user's own; OSError for a link or anything else."""
-    handle = os.open(path, _NO_LINK, dir_fd=at)
-    try:
-        if not _is_own(os.fstat(handle), stat.S_IFDIR if at is None else stat.S_IFREG):
-            raise PermissionError(path)
-        yield handle
-    finally:
-        os.close(handle)
-
-
-def _is_own(seen: os.stat_result, kind: int) -> bool:
-    return seen.st_uid == os.getuid() and stat.S_IFMT(seen.st_mode) == kind
 
 
 def _read(path: str) -> str:

@@ -30,13 +30,15 @@ from .._upstream import kubernetes_core
 from .cache import Ref
 
 try:
+    import urllib3
     from kubernetes import config as kube_config
     from kubernetes.client import Configuration
     from kubernetes.client.rest import RESTClientObject
 
     IMPORT_ERROR: str = ""
+    BROKEN: tuple[type[Exception], ...] = (urllib3.exceptions.HTTPError, OSError)  # what a broken connection raises
 except ImportError:
-    IMPORT_ERROR = traceback.format_exc()
+    IMPORT_ERROR, BROKEN = traceback.format_exc(), (OSError,)
 
 # Those of kubernetes.core's options that a task may have. What else there is to say of an access, a kubeconfig has or
 # the variables K8S_AUTH_*.

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64decode
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
@@ -93,7 +93,7 @@ def applied_part(obj: Object, manager: str) -> Object | None:
     """The object as `manager` applied it; None if it never did."""
     if (own := _own(obj, manager)) is None:
         return None
-    part: Object = _part(obj, own.get("fieldsV1") or {})
+    part = dict(_part(obj, own.get("fieldsV1") or {}))
     metadata = {key: obj["metadata"][key] for key in IDENTITY if key in obj["metadata"]}
     part["metadata"] = {**metadata, **part.get("metadata", {})}
     return {"apiVersion": obj["apiVersion"], "kind": obj["kind"], **part}
@@ -101,16 +101,29 @@ def applied_part(obj: Object, manager: str) -> Object | None:
 
 def _part(value: Any, fields: Fields) -> Any:
     """The part of a value that the fields name; a field without fields of its own is there as a whole."""
+    return _with_each(
+        value, fields, lambda item, under: [] if under is None else [_part(item, under) if set(under) - {"."} else item]
+    )
+
+
+def without_fields(value: Any, fields: Fields) -> Any:
+    """A copy of the value without the fields, as the API server leaves it, but for the defaults it then fills in."""
+
+    def rest(item: Any, under: Fields | None) -> list[Any]:
+        if under is None:
+            return [item]
+        return [without_fields(item, under)] if under and "." not in under else []  # else the thing itself is meant
+
+    return _with_each(value, fields, rest)
+
+
+def _with_each(value: Any, fields: Fields, each: Callable[[Any, Fields | None], list[Any]]) -> Any:
+    """The value with what `each` makes of each entry (or no entry), from what the fields say of it, if anything."""
     if isinstance(value, Mapping):
-        names = {key[2:]: inner for key, inner in fields.items() if key.startswith("f:")}
-        return {
-            name: _part(value[name], inner) if set(inner) - {"."} else value[name]
-            for name, inner in names.items()
-            if name in value
-        }
+        return {name: new for name, item in value.items() for new in each(item, fields.get(f"f:{name}"))}
     if isinstance(value, list):
-        found = [(item, inner) for item in value for key, inner in fields.items() if _names(key, item)]
-        return [_part(item, inner) if set(inner) - {"."} else item for item, inner in found]
+        owned = [(item, next((inner for key, inner in fields.items() if _names(key, item)), None)) for item in value]
+        return [new for item, under in owned for new in each(item, under)]
     return value
 
 
@@ -144,30 +157,15 @@ def taken_over(there: Object, fields: Fields, manager: str) -> list[Object]:
     return [taken, *(entry for entry in left if entry["fieldsV1"])]
 
 
-def without_fields(value: Any, fields: Fields | None) -> Any:
-    """A copy of the value without the fields, as the API server leaves it, but for the defaults it then fills in."""
-    if fields and isinstance(value, Mapping):
-        kept = {name: (inner, fields.get(f"f:{name}")) for name, inner in value.items()}
-        return {name: without_fields(inner, under) for name, (inner, under) in kept.items() if not _is_whole(under)}
-    if fields and isinstance(value, list):
-        owned = [(item, next((inner for key, inner in fields.items() if _names(key, item)), None)) for item in value]
-        return [without_fields(item, under) for item, under in owned if not _is_whole(under)]
-    return value
-
-
-def _is_whole(fields: Fields | None) -> bool:
-    """Whether the thing itself is meant, and not only some of what is in it."""
-    return fields is not None and (not fields or "." in fields)
-
-
 def _entries(obj: Object) -> list[Object]:
     return (obj.get("metadata") or {}).get("managedFields") or []
 
 
 def _own(obj: Object, manager: str) -> Object | None:
     """What `manager` has applied."""
-    said = [entry for entry in _entries(obj) if entry.get("manager") == manager and entry.get("operation") == "Apply"]
-    return next((entry for entry in said if not entry.get("subresource")), None)
+    kind = (manager, "Apply", "")
+    asked = ("manager", "operation", "subresource")
+    return next((entry for entry in _entries(obj) if tuple(entry.get(key, "") for key in asked) == kind), None)
 
 
 def _names(key: str, item: Any) -> bool:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object, name_of
@@ -19,13 +19,8 @@ class Resource:
     plural: str
     namespaced: bool = True
 
-    @property
-    def group(self) -> str:
-        """Its API group, empty for the core's."""
-        return self.base.removeprefix("/apis/").rpartition("/")[0] if self.base.startswith("/apis/") else ""
-
     def path(self, namespace: str = "", name: str = "") -> str:
-        """The path of one object, or without a name of the list; without a namespace of the list everywhere."""
+        """Of one object, or without a name of the list; without a namespace of the list everywhere."""
         space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
         return f"{self.base}{space}/{self.plural}" + (f"/{name}" if name else "")
 
@@ -54,36 +49,28 @@ RESOURCES = {
 }
 
 
-@dataclass(frozen=True)
-class Target:
-    """What one list or stream is of: a kind, in one namespace or ("") everywhere."""
-
-    kind: str
-    namespace: str = ""
-
-    def __str__(self) -> str:
-        plural = RESOURCES[self.kind].plural
-        return f"{plural} in namespace {self.namespace}" if self.namespace else plural
-
-    @property
-    def path(self) -> str:
-        return RESOURCES[self.kind].path(self.namespace)
-
-
 @dataclass(frozen=True, order=True)
 class Ref:
-    """Names one object."""
+    """Names one object; without a name all of a kind, in one namespace or ("") everywhere."""
 
     kind: str
     name: str
     namespace: str = ""
     api_version: str = ""
+    uid: str = field(default="", compare=False)  # where just that very object is meant, and none of its name
 
     def __str__(self) -> str:
         return f"{self.kind} {self.namespace}/{self.name}" if self.namespace else f"{self.kind} {self.name}"
 
+    @property
+    def path(self) -> str:
+        return RESOURCES[self.kind].path(self.namespace, self.name)
 
-# What to watch to judge the kinds that are rolled out.
+    def as_dict(self) -> dict[str, str]:
+        return {"kind": self.kind, "name": self.name, "namespace": self.namespace}
+
+
+# What to watch to judge the kinds that are rolled out: those of the groups `apps` and "", the core's.
 WATCHED: dict[str, tuple[str, ...]] = {
     "Deployment": ("Deployment", "ReplicaSet", "Pod"),
     "DaemonSet": ("DaemonSet", "ControllerRevision", "Pod"),
@@ -103,49 +90,49 @@ class View:
     """What is known of the cluster: objects by kind, then by namespace and name."""
 
     def __init__(self, objects: Iterable[Object] = ()) -> None:
-        self._kinds: dict[str, dict[tuple[str, str], Object]] = {}
+        self._objects: dict[tuple[str, str, str], Object] = {}
         self.hidden: set[str] = set()  # kinds that these credentials may not read
         for obj in objects:
             self.put(str(obj.get("kind", "")), obj)
 
     @staticmethod
-    def _key(obj: Object) -> tuple[str, str]:
-        return str(meta(obj).get("namespace") or ""), name_of(obj)
+    def _key(kind: str, obj: Object) -> tuple[str, str, str]:
+        return kind, str(meta(obj).get("namespace") or ""), name_of(obj)
 
     def put(self, kind: str, obj: Object) -> None:
-        self._kinds.setdefault(kind, {})[self._key(obj)] = dict(obj)
+        self._objects[self._key(kind, obj)] = obj
 
     def drop(self, kind: str, obj: Object) -> None:
-        self._kinds.get(kind, {}).pop(self._key(obj), None)
+        self._objects.pop(self._key(kind, obj), None)
 
     def replace(self, kind: str, namespace: str, objects: Iterable[Object]) -> None:
         """A fresh listing: what it does not name is gone. No namespace means all of them."""
-        kept = {key: obj for key, obj in self._kinds.get(kind, {}).items() if namespace and key[0] != namespace}
-        kept.update({self._key(obj): dict(obj) for obj in objects})
-        self._kinds[kind] = kept
+        for obj in self.all(kind, namespace or None):
+            self.drop(kind, obj)
+        for obj in objects:
+            self.put(kind, obj)
 
     def get(self, kind: str, namespace: str, name: str) -> Object | None:
-        return self._kinds.get(kind, {}).get((namespace, name))
+        return self._objects.get((kind, namespace, name))
 
     def all(self, kind: str, namespace: str | None = None) -> list[Object]:
-        items = self._kinds.get(kind, {}).items()
-        return [obj for key, obj in items if namespace is None or key[0] == namespace]
+        """Of a kind, in one namespace or (None) everywhere."""
+        return [obj for (of, space, _name), obj in self._objects.items() if of == kind and namespace in (None, space)]
 
 
 def has_rollout(ref: Ref) -> bool:
     """Whether there is anything to wait for. A kind of the same name in another API group is not ours."""
-    return ref.kind in WATCHED and _in_group(ref, RESOURCES[ref.kind].group)
+    return ref.kind in WATCHED and _in_group(ref, "apps" if ref.kind in KINDS["/apis/apps/v1"] else "")
 
 
 def _in_group(ref: Ref, group: str) -> bool:
     return not ref.api_version or ref.api_version.rpartition("/")[0] == group
 
 
-def targets_for(refs: Iterable[Ref]) -> list[Target]:
-    """A list and a stream of each kind that is watched for these, in each of their namespaces."""
+def targets_for(refs: Iterable[Ref]) -> list[Ref]:
+    """What is listed and watched for these: all of each kind that tells of them, in each of their namespaces."""
     kinds = {(kind, ref.namespace) for ref in refs if has_rollout(ref) for kind in WATCHED[ref.kind]}
-    found = {Target(kind, namespace if RESOURCES[kind].namespaced else "") for kind, namespace in kinds}
-    return sorted(found, key=str)
+    return sorted({Ref(kind, "", space if RESOURCES[kind].namespaced else "") for kind, space in kinds})
 
 
 def parse_refs(objects: Sequence[Object]) -> list[Ref]:
@@ -154,16 +141,14 @@ def parse_refs(objects: Sequence[Object]) -> list[Ref]:
     problems: list[str] = []
     for index, obj in enumerate(objects):
         full = obj["metadata"] if isinstance(obj.get("metadata"), Mapping) else {}
-        kind = str(obj.get("kind") or "")
-        name = str(obj.get("name") or full.get("name") or "")
-        namespace = str(obj.get("namespace") or full.get("namespace") or "")
-        api_version = str(obj.get("api_version") or obj.get("apiVersion") or "")
-        missing = [key for key, value in (("kind", kind), ("name", name)) if not value]
-        ref = Ref(kind, name, namespace, api_version)
-        if has_rollout(ref) and not RESOURCES[kind].namespaced:
-            ref = Ref(kind, name, "", api_version)
-        elif has_rollout(ref) and not namespace:
-            missing.append("namespace")
+        kind, name, namespace = (str(obj.get(key) or full.get(key) or "") for key in ("kind", "name", "namespace"))
+        ref = Ref(kind, name, namespace, str(obj.get("api_version") or obj.get("apiVersion") or ""))
+        needed = ["kind", "name"]
+        if has_rollout(ref) and RESOURCES[kind].namespaced:
+            needed.append("namespace")
+        elif has_rollout(ref):
+            ref = replace(ref, namespace="")
+        missing = [key for key in needed if not getattr(ref, key)]
         problems += [f"objects[{index}].{key}: missing" for key in missing]
         if kind in UNJUDGED and _in_group(ref, UNJUDGED[kind]):
             allowed = f"{', '.join(WATCHED)}, and kinds that have no rollout"

@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import without_secrets
 from ...module_utils._step.objects import Object, is_in
+from ...module_utils._step.words import MANAGER
 from .._model.secrets import secrets_in, without
 from .applied import HIDDEN, Applied, Fields, applied, foreign_fields, taken_over, without_fields
 from .cache import OF_CLUSTER, POLICIES, RESOURCES, Ref
-from .connection import APPLY, JSON, MANAGER, MERGE, ApiConnection, ApiError, Query, anew
+from .connection import APPLY, JSON, MERGE, ApiConnection, ApiError, Query, anew
 
 FENCED = ("Deployment",)  # what the keeper writes, too
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
@@ -35,7 +36,7 @@ class Kube(ApiConnection):
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]:
         """All objects of a kind, in one namespace or everywhere."""
         query = {"labelSelector": labels, "fieldSelector": fields}
-        path, said = RESOURCES[kind].path(namespace), {key: value for key, value in query.items() if value}
+        path, said = Ref(kind, "", namespace).path, {key: value for key, value in query.items() if value}
         return self._patiently(lambda: self.page(path, said))[0]
 
     def nodes(self) -> list[Object]:
@@ -44,7 +45,7 @@ class Kube(ApiConnection):
     def get(self, ref: Ref) -> Object | None:
         """One object as it is, None if it is not there."""
         try:
-            return self._object("GET", _path(ref), {})
+            return self._object("GET", ref.path, {})
         except ApiError as exc:
             if exc.status == 404:
                 return None
@@ -53,7 +54,7 @@ class Kube(ApiConnection):
     def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str:
         """The last lines of a container's log, for a message: without what looks like a secret."""
         query: Query = {"container": container, "tailLines": lines, "previous": str(previous).lower()}
-        path = f"{RESOURCES['Pod'].path(namespace, pod)}/log"
+        path = f"{Ref('Pod', pod, namespace).path}/log"
         text = self._patiently(lambda: self._read("GET", path, query)).decode("utf-8", "replace").strip()
         return without_secrets(text)
 
@@ -62,9 +63,11 @@ class Kube(ApiConnection):
     def apply(self, objects: Iterable[Object], dry_run: bool = False) -> list[Applied]:
         """Server-side apply of full definitions, in their order; the inventory is the truth, so conflicts are won.
 
-        Fields that others own and the definition does not name are kept, but in the spec of the kinds OURS_ALONE: what
-        others put into it goes. What is the whole cluster's (OF_CLUSTER) is written where it is not as it should be: an
-        account that may only read it goes on where it is. An API that knows no policies goes without, and says so.
+        A field that an earlier definition had and this one has not goes: so does a label of a node that is taken out of
+        the inventory. Fields that others own and the definition does not name are kept, but in the spec of the kinds
+        OURS_ALONE: what others put into it goes. What is the whole cluster's (OF_CLUSTER) is written where it is not as
+        it should be: an account that may only read it goes on where it is. An API that knows no policies goes without,
+        and says so.
 
         With `dry_run` the API server says what it would do. It cannot do so in a namespace that is not there: what
         belongs there would be new. An error names in its details, as `applied`, what was written before it.
@@ -109,7 +112,7 @@ class Kube(ApiConnection):
             if seen and ref.kind in FENCED and not dry_run:
                 fence = {"resourceVersion": seen["metadata"].get("resourceVersion")}
             body = {**wanted, "metadata": {**wanted["metadata"], **fence}}
-            after = self._object("PATCH", _path(ref), query, body, APPLY)
+            after = self._object("PATCH", ref.path, query, body, APPLY)
             # which a dry run cannot foresee
             return without_fields(after, foreign_fields(after, wanted, MANAGER)) if foreign and dry_run else after
 
@@ -119,11 +122,9 @@ class Kube(ApiConnection):
         """Make what others put into the object ours, so that it goes when we do not apply it."""
         taken = taken_over({"apiVersion": ref.api_version, **there}, foreign, MANAGER)
         part = {"metadata": {"managedFields": taken, "resourceVersion": there["metadata"]["resourceVersion"]}}
-        return self._object("PATCH", _path(ref), {"fieldManager": MANAGER}, part, MERGE)
+        return self._object("PATCH", ref.path, {"fieldManager": MANAGER}, part, MERGE)
 
-    def delete(
-        self, refs: Iterable[Ref], dry_run: bool = False, uids: Mapping[Ref, str] | None = None
-    ) -> list[Applied]:
+    def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
         """Delete these, what they own in the background; what is not there is fine.
 
         Where a uid is said only just that object is deleted: another one of its name stays as it is.
@@ -133,13 +134,13 @@ class Kube(ApiConnection):
         options: Object = {"kind": "DeleteOptions", "apiVersion": "v1", "propagationPolicy": "Background"}
         options |= {"dryRun": ["All"]} if dry_run else {}
         for ref in refs:
-            before, after, uid = self.get(ref), None, (uids or {}).get(ref)
+            before, after = self.get(ref), None
             if before is not None:
-                body = {**options, **({"preconditions": {"uid": uid}} if uid else {})}
+                body = {**options, **({"preconditions": {"uid": ref.uid}} if ref.uid else {})}
                 try:
-                    self._object("DELETE", _path(ref), {}, body, JSON)
+                    self._object("DELETE", ref.path, {}, body, JSON)
                 except ApiError as exc:
-                    if exc.status == 409 and uid:
+                    if exc.status == 409 and ref.uid:
                         after = before
                     elif exc.status != 404:
                         raise
@@ -153,7 +154,7 @@ class Kube(ApiConnection):
         """
         before = self.get(ref)
         query = {"fieldManager": MANAGER, **({"dryRun": "All"} if dry_run else {})}
-        return applied(ref, before, self._object("PATCH", _path(ref), query, part, MERGE))
+        return applied(ref, before, self._object("PATCH", ref.path, query, part, MERGE))
 
     def create(self, obj: Object) -> Object:
         """A new object; status 409 if there is one of its name."""
@@ -162,7 +163,7 @@ class Kube(ApiConnection):
 
     def replace(self, obj: Object) -> Object:
         """The whole object anew; status 409 if it is not of the resourceVersion that `obj` has."""
-        return self._object("PUT", _path(ref_of(obj)), {}, obj, JSON)
+        return self._object("PUT", ref_of(obj).path, {}, obj, JSON)
 
     def _present(self, refs: Sequence[Ref]) -> dict[Ref, Object | None]:
         """The objects as they are, where one list is cheaper than a look at each."""
@@ -191,17 +192,12 @@ class Kube(ApiConnection):
         return bool(ref.namespace) and self.get(Ref("Namespace", ref.namespace)) is None
 
 
-def _path(ref: Ref) -> str:
-    return RESOURCES[ref.kind].path(ref.namespace, ref.name)
-
-
 def ref_of(obj: Object) -> Ref:
     """Which object a full definition is of."""
     try:
         metadata = obj["metadata"]
-        return Ref(
-            str(obj["kind"]), str(metadata["name"]), str(metadata.get("namespace") or ""), str(obj["apiVersion"])
-        )
+        space, uid = (str(metadata.get(key) or "") for key in ("namespace", "uid"))
+        return Ref(str(obj["kind"]), str(metadata["name"]), space, str(obj["apiVersion"]), uid)
     except (KeyError, TypeError, AttributeError) as exc:
         raise KubeError(
             f"This is no full definition of a Kubernetes object ({exc} is missing): {str(obj)[:200]}"

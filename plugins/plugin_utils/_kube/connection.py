@@ -26,13 +26,11 @@ from urllib.parse import urlencode
 from ...module_utils._common.documents import Arguments
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object
-from .access import Access, access_from, forget_key_files
+from ...module_utils._step.words import MANAGER
+from .access import BROKEN, Access, access_from, forget_key_files
 
-BROKEN: tuple[type[Exception], ...] = (OSError,)  # what a broken connection raises
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
-
-    BROKEN = (urllib3.exceptions.HTTPError, OSError)
 
 Answer = TypeVar("Answer")
 Query = Mapping[str, str | int]
@@ -43,9 +41,6 @@ PATIENCE = 60.0  # a server that is just restarting is back by then, also on a s
 SAID_FROM, SAID_EVERY = 5.0, 20.0  # a wait that takes longer is said
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
 RACES = 5  # somebody else may write an object between our look at it and our write
-# Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
-# that is how a label taken out of the inventory leaves the node.
-MANAGER = "rosops.fleet"
 
 TODO = {
     401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",
@@ -82,14 +77,6 @@ def _cause(exc: BaseException) -> str:
     if "CERTIFICATE_VERIFY_FAILED" in text:
         return f"its certificate is not trusted ({text.rpartition('CERTIFICATE_VERIFY_FAILED] ')[2].rstrip(')')})"
     return text.rpartition(": ")[2] or type(exc).__name__
-
-
-def _status_message(body: bytes) -> str:
-    """The message of a Kubernetes Status object, or the start of whatever answered instead."""
-    try:
-        return str(json.loads(body).get("message") or "")
-    except (ValueError, AttributeError):
-        return body[:200].decode("utf-8", "replace").strip()
 
 
 class ApiConnection:
@@ -182,17 +169,16 @@ class ApiConnection:
         return ApiError(text, transient=not untrusted, misfit=untrusted)
 
     def _refused(self, answer: Any, what: str) -> ApiError:
-        status = int(answer.status)
-        try:
-            message = _status_message(answer.data)
-        except BROKEN:
-            message = ""
+        status, message = int(answer.status), ""
+        with contextlib.suppress(*BROKEN, ValueError, AttributeError):
+            message = answer.data[:200].decode("utf-8", "replace").strip()  # of whatever answered, if no Status
+            message = str(json.loads(answer.data).get("message") or "")
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
             todo = "Its namespace has to be applied first"
         text = f"The Kubernetes API at {self.host} answered {status} for {what}" + (f": {message}" if message else "")
         text = ". ".join(part.rstrip(".") for part in (text, todo) if part)
-        return ApiError(f"{text}.", status, transient=status == 429 or status >= 500)
+        return ApiError(f"{text}.", status, transient=status in (410, 429) or status >= 500)
 
     def _patiently(self, work: Callable[[], Answer]) -> Answer:
         """Do it again until it succeeds, while it fails in a way that passes."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from ...module_utils._step.objects import Object, duration_of, holder_of, lease_with
+from ...module_utils._step.objects import Object, duration_of, holder_of, lease_with, version_of
 from .cache import Ref
 from .client import Kube
 from .connection import ApiError
@@ -56,41 +56,38 @@ class Lease:
 
     def acquire(self) -> Hold:
         """Take the Lease if it is free, ours already, or over. Call it again until it is `mine`."""
-        found = self._api.get(self.ref)
-        if found is None:
-            return self._write(self._api.create, {"metadata": {"name": self.ref.name, "namespace": self.ref.namespace}})
-        if self._free(found):
-            return self._write(self._api.replace, found)
-        return _hold(found, self._holder)
+        return self._take(self._free)
 
     def renew(self) -> Hold:
         """Keep it for another time; not `mine` if it was lost meanwhile."""
-        found = self._api.get(self.ref)
-        ours = found is None or holder_of(found) == self._holder
-        return self.acquire() if ours else _hold(found or {}, self._holder)
+        return self._take(lambda found: holder_of(found) == self._holder)
 
     def release(self) -> Hold:
         """Let it go, so that nobody has to wait for its end; nothing to do if it is not ours."""
         found = self._api.get(self.ref)
-        if found is None or not _hold(found, self._holder).mine:
-            return _hold(found or {}, self._holder)
-        return self._write(self._api.replace, found, holder="")
+        ours = found is not None and holder_of(found) == self._holder
+        return self._write(self._api.replace, found, "") if found and ours else _hold(found or {}, self._holder)
+
+    def _take(self, may: Callable[[Object], bool]) -> Hold:
+        found = self._api.get(self.ref)
+        if found is None:
+            new = {"metadata": {"name": self.ref.name, "namespace": self.ref.namespace}}
+            return self._write(self._api.create, new, self._holder)
+        return self._write(self._api.replace, found, self._holder) if may(found) else _hold(found, self._holder)
 
     def _free(self, found: Object) -> bool:
-        spec, version = found.get("spec") or {}, str(found["metadata"].get("resourceVersion"))
-        if spec.get("holderIdentity") in (None, "", self._holder):
+        if holder_of(found) in ("", self._holder):
             return True
-        if version != self._seen[0]:
+        if (version := version_of(found)) != self._seen[0]:
             self._seen = (version, self._now())
-        return self._now() - self._seen[1] >= float(spec.get("leaseDurationSeconds") or self._seconds)
+        return self._now() - self._seen[1] >= duration_of(found)
 
-    def _write(self, way: Callable[[Object], Object], found: Object, holder: str | None = None) -> Hold:
-        """Write it with us (or nobody) as the holder. Whoever was faster has it: then that is the answer."""
+    def _write(self, way: Callable[[Object], Object], found: Object, holder: str) -> Hold:
+        """Write it with this holder, us or nobody. Whoever was faster has it: then that is the answer."""
         time_now = datetime.fromtimestamp(self._wall(), UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        wanted = self._holder if holder is None else holder
-        body = lease_with(wanted, found, self._holder, self._seconds, time_now)
+        body = lease_with(holder, found, self._holder, self._seconds, time_now)
         try:
-            return _hold(way(dict(body)), self._holder)
+            return _hold(way(body), self._holder)
         except ApiError as exc:
             if exc.status != 409:
                 raise

@@ -3,16 +3,15 @@
 
 A pod's status tells that a container is not ready, only the kubelet's events tell why. A probe of this collection
 starts its line with `cannot become ready: ` where waiting cannot mend it. Of a probe by HTTP the kubelet tells no more
-than the status, so what a sidecar with our hooks has to say stands in its log. Both are asked for only while they can
-say something new, and seldom: the API server answers a list of events from all that it has.
+than the status, so what a sidecar with our hooks has to say stands in its log. Both are asked for only while a probe
+can say something new, and seldom: the API server answers a list of events from all that it has.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 
 from ...module_utils._common.poll import PASS
 from ...module_utils._step.objects import Object, is_terminating, name_of
@@ -23,68 +22,53 @@ from .client import Kube
 from .connection import ApiError
 from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
 
-COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
 FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
-_HEAD = re.compile(r"\w+ probe failed: ?")
+_PROBE = r"\w+ probe failed: ?"
+# in front of the tenth of its kind the kubelet puts a remark
+_HEAD = re.compile(rf"\s*(?:\(combined from similar events\): )?({_PROBE})?")
 SECONDS = 1.0
 SECONDS_AFTER_ERROR = 5.0
 SHOWN = 12  # lines of a progress message
 LOG_LINES, TELLING_LINES = 200, 5  # that are read of a log, and that are told
 _ERROR = re.compile(r"\b(ERROR|FATAL|Traceback|[A-Za-z.]*(Error|Exception)\b|rosops\.fleet:|not found|[Ss]egmentation)")
 _WHERE = re.compile(
-    r"(pod [^\s:,]+(?:, container [^\s:,]+)?): (?:\w+ probe failed: )?(?:(?:not|cannot become) ready: )?(.+)", re.S
+    rf"(pod [^\s:,]+(?:, container [^\s:,]+)?): (?:{_PROBE})?(?:(?:not|cannot become) ready: )?(.+)", re.S
 )
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _NAME, _NUMBER = re.compile(r"^\[[^\]]*\]"), re.compile(r"\d+")  # `[camera-3] killing on exit`
 
-
-@dataclass(frozen=True)
-class Row:
-    """One object and the last verdict on it."""
-
-    ref: Ref
-    verdict: Verdict
-
-    def as_dict(self) -> dict[str, str]:
-        ref, verdict = self.ref, self.verdict
-        names = {"kind": ref.kind, "name": ref.name, "namespace": ref.namespace}
-        return {**names, "verdict": verdict.verdict, "reason": verdict.reason}
-
-    def __str__(self) -> str:
-        return f"{self.ref}: {self.verdict.reason}"
+Verdicts = Mapping[Ref, Verdict]  # the last one on each object
 
 
-def progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
+def progress(rows: Verdicts, elapsed: float, unreachable: str) -> str:
     """What is still open, in a few lines."""
-    open_rows = [row for row in rows if row.verdict.verdict != PASS]
-    if not open_rows:
+    still = [f"  {ref}: {verdict.reason}" for ref, verdict in rows.items() if verdict.verdict != PASS]
+    if not still:
         return "rollout: all of it is there, and watched for a while"
-    lines = [f"rollout: {len(open_rows)} of {len(rows)} still open after {elapsed:.0f} s"]
+    lines = [f"rollout: {len(still)} of {len(rows)} still open after {elapsed:.0f} s"]
     if unreachable:
         lines.append(f"  no news at the moment: {unreachable}")
-    lines += [f"  {row}" for row in open_rows[:SHOWN]]
-    if len(open_rows) > SHOWN:
-        lines.append(f"  and {len(open_rows) - SHOWN} more")
-    return "\n".join(lines)
+    more = [f"  and {len(still) - SHOWN} more"] if len(still) > SHOWN else []
+    return "\n".join([*lines, *still[:SHOWN], *more])
 
 
-def cause_first(row: Row) -> str:
+def cause_first(ref: Ref, reason: str) -> str:
     """What is wrong, as the app or the kubelet has it, and then whose it is."""
-    found = _WHERE.match(row.verdict.reason)
-    where, why = (f", {found[1]}", found[2]) if found else ("", row.verdict.reason)
-    return f"{why} ({row.ref}{where})"
+    found = _WHERE.match(reason)
+    where, why = (f", {found[1]}", found[2]) if found else ("", reason)
+    return f"{why} ({ref}{where})"
 
 
-def notes_on(kube: Kube, bad: Sequence[Row], view: View) -> list[str]:
+def notes_on(kube: Kube, bad: Verdicts, view: View) -> list[str]:
     """What the cluster has to say beyond the status: the last warnings, and the last words of what crashed.
 
     It only explains a failure that is already certain, so it does without what it may not read.
     """
     notes: list[str] = []
-    said = " ".join(row.verdict.reason for row in bad)
+    said = " ".join(verdict.reason for verdict in bad.values())
     try:
-        for namespace in sorted({row.ref.namespace for row in bad if row.ref.namespace})[:3]:
-            names = {row.ref.name for row in bad if row.ref.namespace == namespace}
+        for namespace in sorted({ref.namespace for ref in bad if ref.namespace})[:3]:
+            names = {ref.name for ref in bad if ref.namespace == namespace}
             events = kube.objects("Event", namespace, fields="type=Warning")
             for pod in view.all("Pod", namespace):
                 notes += _last_words(kube, pod, names, said)
@@ -116,7 +100,7 @@ def _is_news(event: Object, view: View, namespace: str, said: str) -> bool:
 def _warnings(events: Iterable[Object], names: Iterable[str]) -> list[str]:
     """The newest warning of each object."""
     newest: dict[str, Object] = {}
-    for event in sorted(events, key=lambda one: str(one.get("lastTimestamp") or one.get("eventTime") or "")):
+    for event in sorted(events, key=_when):
         about = event.get("involvedObject") or {}
         if _concerns(str(about.get("name", "")), names):
             newest[f"{about.get('kind')} {about.get('name')}"] = event
@@ -133,23 +117,12 @@ def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> lis
         last = (container.get("lastState") or {}).get("terminated") or {}
         now = (container.get("state") or {}).get("terminated") or {}
         ended = last or (now if now.get("exitCode") else {})
-        where = namespace, name, str(container.get("name"))
-        if ended and not ended.get("message"):
-            log = _log_of_the_end(kube, *where)
-        elif not ended and f"pod {name}: " in said and HOPELESS in said:  # a node of it has ended, and it has not
-            log = kube.log_tail(*where, LOG_LINES, previous=False)
-        else:
-            continue
-        lines += [f"  log of pod {name}, container {where[2]}: {line}" for line in telling(log)]
+        node_ended = not ended and f"pod {name}: " in said and HOPELESS in said  # a node of it, and it has not
+        if node_ended or (ended and not ended.get("message")):
+            # if none was started since it ended, it is the present one
+            log = kube.log_tail(namespace, name, str(container.get("name")), LOG_LINES, previous=bool(last))
+            lines += [f"  log of pod {name}, container {container.get('name')}: {line}" for line in telling(log)]
     return lines
-
-
-def _log_of_the_end(kube: Kube, namespace: str, pod: str, container: str) -> str:
-    """Of the container that ended: the previous one, or the present one if none was started since."""
-    try:
-        return kube.log_tail(namespace, pod, container, LOG_LINES)
-    except ApiError:
-        return kube.log_tail(namespace, pod, container, LOG_LINES, previous=False)
 
 
 def telling(log: str, count: int = TELLING_LINES) -> list[str]:
@@ -158,8 +131,7 @@ def telling(log: str, count: int = TELLING_LINES) -> list[str]:
     Errors and exceptions come before the rest. Of what is the same each time, as the end of each node, one is enough.
     """
     lines = [line for line in (_COLOUR.sub("", line).rstrip() for line in log.splitlines()) if line.strip()]
-    places = {line: number for number, line in enumerate(lines)}  # the last place of each
-    alike = {_NUMBER.sub("", _NAME.sub("", line)): number for line, number in places.items()}
+    alike = {_NUMBER.sub("", _NAME.sub("", line)): number for number, line in enumerate(lines)}  # the last of each kind
     errors = [number for number in alike.values() if _ERROR.search(lines[number])]
     others = [number for number in alike.values() if number not in errors]
     chosen = [*sorted(errors)[-count:], *sorted(others, reverse=True)][:count]
@@ -171,18 +143,15 @@ def telling(log: str, count: int = TELLING_LINES) -> list[str]:
 
 def probe_line(message: str) -> str:
     """'Startup probe failed: why', in one line: the hopeless one where there are more, else the last."""
-    plain = message.strip()
-    plain = plain[len(COMBINED) :] if plain.startswith(COMBINED) else plain
-    head = _HEAD.match(plain)
-    lines = [line.strip() for line in plain[head.end() if head else 0 :].splitlines() if line.strip()]
+    _nothing, head, rest = _HEAD.split(message, maxsplit=1)
+    lines = [line.strip() for line in rest.splitlines() if line.strip()]
     chosen = next((line for line in lines if HOPELESS in line), lines[-1] if lines else "")
-    return f"{head[0] if head else ''}{chosen}".strip()
+    return f"{head or ''}{chosen}".strip()
 
 
 def _when(event: Object) -> tuple[str, bool]:
-    series = event.get("series") or {}
-    times = (series.get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
-    # whole seconds: of two within one, the hopeless one is the later, as a probe that printed it does not recover
+    """In whole seconds. Of two within one the hopeless one is the later: a probe that printed it does not recover."""
+    times = ((event.get("series") or {}).get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
     return next((str(time)[:19] for time in times if time), ""), HOPELESS in str(event.get("message"))
 
 

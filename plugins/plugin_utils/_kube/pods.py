@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ...module_utils._common.poll import FAIL, WAIT
-from ...module_utils._step.objects import Object, gate_of, is_terminating, name_of
+from ...module_utils._step.objects import Object, gate_of, is_ready, is_terminating, name_of
 from ...module_utils._step.words import HOPELESS, READINESS
 
 # The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
@@ -65,12 +65,17 @@ def controller_of(obj: Object) -> Object:
     return dict(next((owner for owner in owners if owner.get("controller")), {}))
 
 
-def is_up(pod: Object) -> bool:
-    """One of its containers runs, a sidecar too, so that its probes may have something to say."""
-    status = pod.get("status") or {}
-    beside = [item for item in status.get("initContainerStatuses") or [] if item.get("name") in sidecars(pod)]
-    statuses = [*(status.get("containerStatuses") or []), *beside]
-    return not is_terminating(pod) and any("running" in (item.get("state") or {}) for item in statuses)
+def running(pod: Object) -> list[Object]:
+    """What its status says of the containers that run, sidecars too; of none once it is told to end."""
+    status, beside = pod.get("status") or {}, sidecars(pod)
+    staying = [one for one in status.get("initContainerStatuses") or [] if one.get("name") in beside]
+    staying += status.get("containerStatuses") or []
+    return [one for one in staying if "running" in (one.get("state") or {}) and not is_terminating(pod)]
+
+
+def waits_for_probe(pod: Object) -> bool:
+    """Whether a container runs and is not ready: only its probe knows why. Of a readiness gate its condition tells."""
+    return not is_ready(pod) and any(not one.get("ready") for one in running(pod))
 
 
 def sidecars(pod: Object) -> list[str]:

@@ -11,15 +11,16 @@ object, its controller's answer, a replica set) is a `wait`, never an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from ...module_utils._common.poll import FAIL, PASS, WAIT
-from ...module_utils._step.objects import Object, is_ready, is_terminating, name_of
+from ...module_utils._step.objects import Object, annotations_of, is_ready, is_terminating, labels_of, name_of
 from .cache import Ref, View, has_rollout, owned_by
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, trouble, uid_of, why_not_ready
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, trouble, why_not_ready
 
 REVISION = "deployment.kubernetes.io/revision"
 HASH = "controller-revision-hash"
+WORKLOADS = ("Deployment", "DaemonSet")
 
 
 def _number(data: Object, key: str, default: int = 0) -> int:
@@ -76,27 +77,27 @@ def _all_pods(ref: Ref, view: View) -> list[Object]:
 
 def _current_pods(ref: Ref, obj: Object, view: View) -> list[Object]:
     """Those of the present template that are to stay."""
-    pods = [pod for pod in _all_pods(ref, view) if not is_terminating(pod)]
+    newest = _newest(ref, obj, view)
+    pods = [pod for pod in _all_pods(ref, view) if newest and not is_terminating(pod)]
     if ref.kind == "Deployment":
-        newest = _current_set(ref, obj, view)
         return [pod for pod in pods if newest and owned_by(pod, newest)]
-    wanted = _wanted_hash(ref, obj, view)
-    return [pod for pod in pods if wanted and owned_by(pod, obj) and _hash(pod) == wanted]
+    return [pod for pod in pods if owned_by(pod, obj) and labels_of(pod).get(HASH) == labels_of(newest).get(HASH)]
 
 
-# --- Deployment -----------------------------------------------------------------------------------------------------
+def _newest(ref: Ref, obj: Object, view: View) -> Object | None:
+    """The replica set, or the controller revision, of the present template; None until the API has shown it to us."""
+    kind = "ReplicaSet" if ref.kind == "Deployment" else "ControllerRevision"
+    owned = [one for one in view.all(kind, ref.namespace) if owned_by(one, obj)]
+    newest = max(owned, key=_revision, default=None)
+    return newest if newest and _revision(newest) >= _revision(obj) else None
 
 
 def _revision(obj: Object) -> int:
-    value = (meta(obj).get("annotations") or {}).get(REVISION, "")
-    return int(value) if str(value).isdigit() else 0
+    value = str(annotations_of(obj).get(REVISION) or obj.get("revision"))
+    return int(value) if value.isdigit() else 0
 
 
-def _current_set(ref: Ref, obj: Object, view: View) -> Object | None:
-    """The replica set of the present template; None until the API has shown it to us."""
-    sets = [one for one in view.all("ReplicaSet", ref.namespace) if owned_by(one, obj)]
-    newest = max(sets, key=_revision, default=None)
-    return newest if newest and _revision(newest) >= _revision(obj) else None
+# --- Deployment -----------------------------------------------------------------------------------------------------
 
 
 def _deadline(obj: Object, current: Sequence[Object]) -> Verdict | None:
@@ -148,37 +149,24 @@ def _deployment_waits(obj: Object, current: Sequence[Object], old: Sequence[Obje
 
 
 def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
-    newest, current = _current_set(ref, obj, view), _current_pods(ref, obj, view)
-    known = {uid_of(pod) for pod in current}
-    old = [pod for pod in _all_pods(ref, view) if uid_of(pod) not in known]
-    waits = _deployment_waits(obj, current, old if newest else [])
+    newest, current = _newest(ref, obj, view), _current_pods(ref, obj, view)
+    old = [pod for pod in _all_pods(ref, view) if pod not in current]
+    unseen = "" if newest else "its replica set has not been seen yet"
+    waits = _deployment_waits(obj, current, old if newest else []) or unseen
     paused = bool((obj.get("spec") or {}).get("paused"))
     if paused and waits:
         return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")
     refused = _refused(obj, old) if waits else None
-    found = _worst(current, view) or (refused if refused and refused.suspect else None)
-    found = found or _deadline(obj, current) or refused
-    if found:
+    lasting = refused if refused and refused.suspect else None
+    if found := _worst(current, view) or lasting or _deadline(obj, current) or refused:
         return found
     if waits:
         return Verdict(WAIT, waits)
-    if newest is None:
-        return Verdict(WAIT, "its replica set has not been seen yet")
     desired = _number(obj.get("spec") or {}, "replicas", 1)
     return Verdict(PASS, f"{desired} of {desired} pods updated and available" + (", paused" if paused else ""))
 
 
 # --- DaemonSet ------------------------------------------------------------------------------------------------------
-
-
-def _hash(pod: Object) -> str:
-    return str((meta(pod).get("labels") or {}).get(HASH, ""))
-
-
-def _wanted_hash(ref: Ref, obj: Object, view: View) -> str:
-    """What a pod of the present revision has for its hash; nothing until the controller has made that revision."""
-    owned = [one for one in view.all("ControllerRevision", ref.namespace) if owned_by(one, obj)]
-    return _hash(max(owned, key=lambda one: _number(one, "revision"))) if owned else ""
 
 
 def _daemon_waits(obj: Object, pods: Sequence[Object], current: Sequence[Object], behind: Sequence[Object]) -> str:
@@ -198,7 +186,7 @@ def _daemon_waits(obj: Object, pods: Sequence[Object], current: Sequence[Object]
 
 
 def _daemon_set(ref: Ref, obj: Object, view: View) -> Verdict:
-    if not _wanted_hash(ref, obj, view):
+    if _newest(ref, obj, view) is None:
         return Verdict(WAIT, "its controller revision has not been seen yet")
     pods, current = _all_pods(ref, view), _current_pods(ref, obj, view)
     older = [pod for pod in pods if pod not in current and not is_terminating(pod)]
@@ -224,32 +212,27 @@ def _uses(obj: Object, claim: str) -> bool:
     return wanted and any((one.get("persistentVolumeClaim") or {}).get("claimName") == claim for one in volumes)
 
 
-def _binding_mode(claim: Object, view: View) -> tuple[str, str]:
-    """The claim's volumeBindingMode, or an empty one and why it is not known."""
+def _unbound(claim: Object, view: View) -> str:
+    """What a claim without a volume waits for; nothing where that is its first consumer."""
     name = (claim.get("spec") or {}).get("storageClassName")
     if "StorageClass" in view.hidden:
-        return "", "these credentials may not read storage classes"
+        return "these credentials may not read storage classes"
     if name is None:
-        return "", "no storage class is named and none is the default"
-    if name == "":
-        return "Immediate", ""
+        return "no storage class is named and none is the default"
     found = view.get("StorageClass", "", str(name))
-    if found is None:
-        return "", f"storage class {name} does not exist"
-    return str(found.get("volumeBindingMode") or "Immediate"), ""
+    if name and found is None:
+        return f"storage class {name} does not exist"
+    return "" if (found or {}).get("volumeBindingMode") == "WaitForFirstConsumer" else "no volume is bound yet"
 
 
 def _claim(claim: Ref, obj: Object, view: View, refs: Iterable[Ref]) -> Verdict:
     phase = str((obj.get("status") or {}).get("phase") or "Pending")
-    if is_terminating(obj):
-        return Verdict(WAIT, "is being deleted")
     if phase == "Bound":
         return Verdict(PASS, f"bound to {(obj.get('spec') or {}).get('volumeName', '?')}")
     if phase == "Lost":
         return Verdict(FAIL, "Lost: its volume is gone")
-    mode, unknown = _binding_mode(obj, view)
-    if mode != "WaitForFirstConsumer":
-        return Verdict(WAIT, f"{phase}: {unknown or 'no volume is bound yet'}")
+    if why := _unbound(obj, view):
+        return Verdict(WAIT, f"{phase}: {why}")
     for ref in refs:
         workload = view.get(ref.kind, ref.namespace, ref.name)
         if workload and ref.namespace == claim.namespace and ref.kind != claim.kind and _uses(workload, claim.name):
@@ -271,8 +254,6 @@ def _node(obj: Object) -> Verdict:
 
 # --- all kinds ------------------------------------------------------------------------------------------------------
 
-_WORKLOADS: dict[str, Callable[[Ref, Object, View], Verdict]] = {"Deployment": _deployment, "DaemonSet": _daemon_set}
-
 
 def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
     """The verdict on one object; `refs` are all that are waited for together."""
@@ -281,14 +262,16 @@ def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
     obj = view.get(ref.kind, ref.namespace, ref.name)
     if obj is None:
         return Verdict(WAIT, "is not there yet")
-    if ref.kind in _WORKLOADS:
-        return _unseen(obj) or _WORKLOADS[ref.kind](ref, obj, view)
+    if unseen := _unseen(obj):
+        return unseen
+    if ref.kind in WORKLOADS:
+        return (_deployment if ref.kind == "Deployment" else _daemon_set)(ref, obj, view)
     return _node(obj) if ref.kind == "Node" else _claim(ref, obj, view, refs)
 
 
 def present_pods(ref: Ref, view: View) -> list[Object]:
     """The pods of the present template that are to stay: whose news are news of this rollout."""
-    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) and ref.kind in _WORKLOADS else None
+    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) and ref.kind in WORKLOADS else None
     return _current_pods(ref, obj, view) if obj and not _unseen(obj) else []
 
 

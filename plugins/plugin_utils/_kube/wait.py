@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.documents import Result
 from ...module_utils._common.errors import NotReadyError
 from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ...module_utils._step.objects import Object, is_ready, name_of
 from ...module_utils._step.words import HOPELESS
-from .cache import Ref, Target, View, targets_for
+from .cache import Ref, View, targets_for
 from .client import Kube
 from .connection import PATIENCE, ApiError
-from .message import ProbeNews, Row, cause_first, notes_on, progress
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, uid_of
+from .message import ProbeNews, Verdicts, cause_first, notes_on, progress
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, restarts, running, uid_of, waits_for_probe
 from .verdicts import Tracker, judge, leaving_pods, present_pods
 from .watch import StreamEvent, Watch
 
@@ -40,7 +40,7 @@ class WaitOptions:
     begun: bool = False  # enough that the new pods run, or have no place yet; with minReadySeconds, that they are Ready
     say: Callable[[str], None] = lambda _text: None
     now: Callable[[], float] = time.monotonic
-    watch: Callable[[Kube, Iterable[Target]], Watch] = Watch
+    watch: Callable[[Kube, Iterable[Ref]], Watch] = Watch
 
 
 class _Wait:
@@ -52,7 +52,7 @@ class _Wait:
         self.well: float | None = None  # since when all of it is rolled out
         self.up: dict[str, float] = {}  # by pod uid, since when one was seen to run that is to begin
         self.unlisted = set(targets_for(refs))
-        self.lost: dict[Target, ApiError] = {}
+        self.lost: dict[Ref, ApiError] = {}
         self.leaving: dict[str, float] = {}  # by pod uid, until when it may take to end
         self.start = self.seen = self.counted = self.gone = options.now()
 
@@ -78,27 +78,24 @@ class _Wait:
         target, blind = change.target, bool(self.unlisted)
         if change.what == "listed":
             self.unlisted.discard(target)
-            self.view.replace(target.kind, target.namespace, change.objects)
-        for obj in change.objects if change.what in ("set", "gone") else ():
-            (self.view.put if change.what == "set" else self.view.drop)(target.kind, obj)
-        if change.what == "lost" and change.error:
-            self.lost[target] = change.error
-        elif change.what in ("back", "listed"):
             self.lost.pop(target, None)
-        elif change.what == "refused" and change.error:
-            self._refused(target, change.error)
+            self.view.replace(target.kind, target.namespace, change.objects)
+        elif change.error is None:
+            for obj in change.objects:
+                (self.view.put if change.what == "set" else self.view.drop)(target.kind, obj)
+        elif change.what == "lost":
+            self.lost[target] = change.error
+        elif change.error.status != 403 or target.kind != "StorageClass":
+            raise change.error
+        else:  # it only says why a claim is pending, so the wait can do without
+            self.view.hidden.add(target.kind)
+            self.unlisted.discard(target)
         if blind and not self.unlisted:
             self.seen = self.options.now()
 
-    def _refused(self, target: Target, error: ApiError) -> None:
-        if error.status != 403 or target.kind != "StorageClass":
-            raise error
-        self.view.hidden.add(target.kind)  # only says why a claim is pending, so the wait can do without
-        self.unlisted.discard(target)
-
-    def rows(self) -> list[Row]:
+    def rows(self) -> Verdicts:
         """The verdicts now. Until every stream has listed, nothing passes: what is missing may only be unseen."""
-        now, rows = self.options.now(), []
+        now, rows = self.options.now(), {}
         for ref in self.refs:
             verdict, pods = judge(ref, self.view, self.refs), present_pods(ref, self.view)
             if self.unlisted:
@@ -106,8 +103,8 @@ class _Wait:
             elif verdict.verdict != FAIL:
                 verdict = self._with_pods(pods, verdict)
                 if self.options.begun and verdict.verdict == WAIT and self._have_begun(ref, pods, verdict, now):
-                    verdict = Verdict(PASS, verdict.reason)
-            rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
+                    verdict = replace(verdict, verdict=PASS, suspect="")
+            rows[ref] = self.tracker.settle(ref, verdict, now)
         return rows
 
     def _have_begun(self, ref: Ref, pods: Sequence[Object], verdict: Verdict, now: float) -> bool:
@@ -118,7 +115,7 @@ class _Wait:
         wanted = self.view.get(ref.kind, ref.namespace, ref.name) or {}
         if (wanted.get("spec") or {}).get("minReadySeconds"):
             return any(map(is_ready, pods))
-        up = [self.up.setdefault(uid_of(pod), now) for pod in pods if is_up(pod)]
+        up = [self.up.setdefault(uid_of(pod), now) for pod in pods if running(pod)]
         return verdict.suspect in NO_PLACE or any(now - since >= BEGUN_SECONDS for since in up)
 
     def _with_pods(self, pods: Sequence[Object], verdict: Verdict) -> Verdict:
@@ -129,16 +126,14 @@ class _Wait:
             ended = error_end(pod, before)
             if ended:
                 return ended
-        lines = [(pod, self.news.lines.get(uid_of(pod))) for pod in pods if _waits(pod)]
-        said = [(pod, line) for pod, line in lines if line]
-        for pod, line in said if verdict.verdict == WAIT else ():
-            if HOPELESS in line:
-                return Verdict(FAIL, f"pod {name_of(pod)}: {line}")
+        waiting = [pod for pod in pods if waits_for_probe(pod)]
+        said = [f"pod {name_of(pod)}: {line}" for pod in waiting if (line := self.news.lines.get(uid_of(pod)))]
         if verdict.verdict == PASS or not said:
             return verdict
-        heard = [f"pod {name_of(pod)}: {line}" for pod, line in said[:3]]
-        rest = [] if len(said) == len(lines) and not verdict.suspect else [verdict.reason]
-        return Verdict(verdict.verdict, "; ".join([*heard, *rest]), verdict.suspect)
+        if hopeless := [text for text in said if HOPELESS in text]:
+            return Verdict(FAIL, hopeless[0])
+        rest = [] if len(said) == len(waiting) and not verdict.suspect else [verdict.reason]
+        return replace(verdict, reason="; ".join([*said[:3], *rest]))
 
     def begun_at(self, now: float) -> float | None:
         """When the next of those that run will have run for long enough."""
@@ -146,20 +141,16 @@ class _Wait:
         return min(due, default=None)
 
     def starting(self) -> list[Object]:
-        """The present pods that are up but not ready: only their probes know why."""
+        """The present pods of which only a probe knows why they are not ready."""
         if self.unlisted or self.lost:
             return []
-        return [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
+        return [pod for ref in self.refs for pod in present_pods(ref, self.view) if waits_for_probe(pod)]
 
     def unreachable(self) -> str:
-        return str(next(iter(self.lost.values()))) if self.lost else ""
+        return str(next(iter(self.lost.values()), ""))
 
     def elapsed(self) -> float:
         return self.options.now() - self.start
-
-
-def _waits(pod: Object) -> bool:
-    return is_up(pod) and not is_ready(pod)
 
 
 def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> Result:
@@ -169,9 +160,9 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
     with options.watch(kube, targets_for(refs)) as stream:
         while True:
             rows = wait.rows()
-            if any(row.verdict.verdict == WAIT for row in rows) and wait.news.ask(kube, wait.starting(), options.now()):
+            if _overall(rows) == WAIT and wait.news.ask(kube, wait.starting(), options.now()):
                 rows = wait.rows()
-            verdict, now = overall([row.verdict.verdict for row in rows]), options.now()
+            verdict, now = _overall(rows), options.now()
             if wait.stayed(verdict):
                 return _result(rows, wait.elapsed())
             wait.count()
@@ -183,16 +174,18 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
             if now >= say_at:
                 options.say(progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [max(wait.end(), wait.gone), say_at, wait.tracker.due(), wait.begun_at(now)]
-            # what is only watched has no news to tell, and no end of its time
-            ends += [wait.news.due(wait.starting(), now)] if wait.well is None else []
-            ends[0] = ends[0] if wait.well is None else wait.well + options.watched
-            until = min(end for end in ends if end is not None)
-            if wait.unlisted:
-                until = min(until, now + 1.0)
-            for change in stream.changes(until - now):
+            ends = [say_at, wait.tracker.due(), wait.begun_at(now)]
+            if wait.well is None:
+                ends += [max(wait.end(), wait.gone), wait.news.due(wait.starting(), now)]
+            else:  # what is only watched has no news to tell, and no end of its time
+                ends.append(wait.well + options.watched)
+            for change in stream.changes(min(end for end in ends if end is not None) - now):
                 wait.take(change)
     raise _not_ready(kube, wait, rows, verdict)
+
+
+def _overall(rows: Verdicts) -> str:
+    return overall([one.verdict for one in rows.values()])
 
 
 def look_once(kube: Kube, refs: Sequence[Ref]) -> Result:
@@ -205,21 +198,21 @@ def look_once(kube: Kube, refs: Sequence[Ref]) -> Result:
             if exc.status != 403:
                 raise
             view.hidden.add(target.kind)
-    rows = [Row(ref, judge(ref, view, refs)) for ref in refs]
-    return _result(rows, time.monotonic() - start)
+    return _result({ref: judge(ref, view, refs) for ref in refs}, time.monotonic() - start)
 
 
-def _result(rows: Sequence[Row], elapsed: float) -> Result:
-    return {"objects": [row.as_dict() for row in rows], "elapsed": round(elapsed, 3)}
+def _result(rows: Verdicts, elapsed: float) -> Result:
+    objects = [{**ref.as_dict(), "verdict": one.verdict, "reason": one.reason} for ref, one in rows.items()]
+    return {"objects": objects, "elapsed": round(elapsed, 3)}
 
 
-def _not_ready(kube: Kube, wait: _Wait, rows: Sequence[Row], verdict: str) -> NotReadyError:
-    bad = [row for row in rows if row.verdict.verdict == (FAIL if verdict == FAIL else WAIT)]
+def _not_ready(kube: Kube, wait: _Wait, rows: Verdicts, verdict: str) -> NotReadyError:
+    bad = {ref: one for ref, one in rows.items() if one.verdict == (FAIL if verdict == FAIL else WAIT)}
     elapsed = wait.elapsed()
     what = "cannot be rolled out" if verdict == FAIL else f"are not rolled out after {elapsed:.0f} s"
     notes = [] if wait.unlisted or wait.lost else notes_on(kube, bad, wait.view)
-    which = ", ".join(str(row.ref) for row in bad)
-    lines = [*(cause_first(row) for row in bad), *notes, f"  {len(bad)} of {len(rows)} {what}: {which}"]
+    causes = [cause_first(ref, one.reason) for ref, one in bad.items()]
+    lines = [*causes, *notes, f"  {len(bad)} of {len(rows)} {what}: {', '.join(map(str, bad))}"]
     if wait.unreachable() and not wait.unlisted:
         lines.append(f"  The last news is old: {wait.unreachable()}")
     return NotReadyError("\n".join(lines), **_result(rows, elapsed))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import queue
 import socket
@@ -12,11 +13,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...module_utils._step.objects import Object
-from .cache import Target
-from .connection import BROKEN, FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
+from .access import BROKEN
+from .cache import Ref
+from .connection import FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
 
-# The server ends a watch after that time and it is resumed where it stood. So a link that died without a word is
-# noticed READ_SLACK later, and not after the operating system's quarter of an hour.
+# The server ends a watch after that time and it begins anew. So a link that died without a word is noticed READ_SLACK
+# later, and not after the operating system's quarter of an hour.
 WATCH_SECONDS = 25
 READ_SLACK = 10.0
 JOIN_SECONDS = 1.0
@@ -29,25 +31,20 @@ REFUSALS_BORNE = 8
 class StreamEvent:
     """What a stream has to tell.
 
-    `listed`: these are all objects of the target now; `set`, `gone`: one object; `lost`: the connection is down and
-    being retried; `back`: it is up again; `refused`: this stream is over.
+    `listed`: these are all objects of the target now, and the connection is up; `set`, `gone`: one object; `lost`: the
+    connection is down and being retried; `refused`: this stream is over.
     """
 
     what: str
-    target: Target
+    target: Ref
     objects: list[Object] = field(default_factory=list)
     error: ApiError | None = None
 
 
 def _hang_up(answer: Any) -> None:
     """Wake a thread that reads from this answer. Closing it from here would wait for that very read."""
-    try:
-        if hasattr(answer, "shutdown"):
-            answer.shutdown()
-        else:  # urllib3 before 2.3
-            answer.connection.sock.shutdown(socket.SHUT_RDWR)
-    except (OSError, AttributeError, ValueError, RuntimeError):
-        pass  # already over
+    with contextlib.suppress(OSError, AttributeError, ValueError):  # already over
+        answer.connection.sock.shutdown(socket.SHUT_RDWR)
 
 
 def _lines(answer: Any) -> Iterator[bytes]:
@@ -60,21 +57,21 @@ def _lines(answer: Any) -> Iterator[bytes]:
 class Watch:
     """Follows all targets at once, each in a thread of its own, and hands their changes over one queue.
 
-    A target is listed once and then watched from there. A dropped connection resumes where it stood, and a place that
-    the server has forgotten (410 Gone) starts over with a list. Use it as a context: leaving it ends the threads.
+    A target is listed and then watched from there. Whatever ends that, be it time, a connection that broke or a place
+    that the server has forgotten (410 Gone), it begins anew with a list. Use it as a context, which ends the threads.
     """
 
-    def __init__(self, kube: ApiConnection, targets: Iterable[Target]) -> None:
+    def __init__(self, kube: ApiConnection, targets: Iterable[Ref]) -> None:
         self._kube = kube
         self._changes: queue.Queue[StreamEvent] = queue.Queue()
         self._over = threading.Event()
-        self._answers: dict[Target, Any] = {}
+        self._answers: dict[Ref, Any] = {}
         self._threads: list[threading.Thread] = []
         self._targets = list(targets)
 
     def __enter__(self) -> Watch:
         for target in self._targets:
-            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target}", daemon=True)
+            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target.path}", daemon=True)
             self._threads.append(thread)
             thread.start()
         return self
@@ -88,89 +85,64 @@ class Watch:
 
     def changes(self, timeout: float) -> list[StreamEvent]:
         """Everything that is new; waits for the first change, at most `timeout` seconds."""
-        try:
-            found = [self._changes.get(timeout=max(timeout, 0.0))]
-        except queue.Empty:
-            return []
-        while True:
-            try:
-                found.append(self._changes.get_nowait())
-            except queue.Empty:
-                return found
+        with contextlib.suppress(queue.Empty):
+            first = self._changes.get(timeout=max(timeout, 0.0))
+            return [first, *(self._changes.get() for _more in range(self._changes.qsize()))]  # nobody else takes any
+        return []
 
-    def _tell(self, what: str, target: Target, *objects: Object, error: ApiError | None = None) -> None:
+    def _tell(self, what: str, target: Ref, *objects: Object, error: ApiError | None = None) -> None:
         self._changes.put(StreamEvent(what, target, list(objects), error))
 
-    def _run(self, target: Target) -> None:
+    def _run(self, target: Ref) -> None:
         """A thread that dies without a word would leave the wait blind, so whatever ends it is told."""
         try:
             self._follow(target)
         except Exception as exc:
             if not self._over.is_set():
-                error = exc if isinstance(exc, ApiError) else ApiError(f"Watching {target} broke: {exc!r}")
+                error = exc if isinstance(exc, ApiError) else ApiError(f"Watching {target.path} broke: {exc!r}")
                 self._tell("refused", target, error=error)
 
-    def _follow(self, target: Target) -> None:
-        version, pause, lost = "", FIRST_PAUSE, False
-        worked, refusals = False, 0
+    def _follow(self, target: Ref) -> None:
+        pause, worked, refusals = FIRST_PAUSE, False, 0
         while not self._over.is_set():
             try:
-                if not version:
-                    items, version = self._kube.page(target.path)
-                    worked = True
-                    self._tell("listed", target, *items)
+                items, version = self._kube.page(target.path)
+                worked = True
+                self._tell("listed", target, *items)
                 answer = self._open(target, version)
-                if lost:
-                    self._tell("back", target)
-                pause, lost, refusals = FIRST_PAUSE, False, 0
-                seen = version
-                for place in self._stream(target, answer):
-                    version = place
-                    if not version:
-                        break
-                if version in (seen, ""):  # no news, or a list again: a server that answers so must not make us spin
-                    self._over.wait(FIRST_PAUSE)
+                pause, refusals = FIRST_PAUSE, 0
+                self._stream(target, answer)
+                self._over.wait(pause)  # a server that ends each watch at once must not make us spin
             except ApiError as exc:
                 refusals += exc.status in (401, 403)
                 borne = worked and 0 < refusals <= REFUSALS_BORNE
-                if exc.status != 410 and not exc.transient and not borne:
+                if not (exc.transient or borne):
                     raise
-                if exc.status == 410:
-                    version = ""
-                elif not self._over.is_set():
-                    lost = True
+                if not self._over.is_set():
                     self._tell("lost", target, error=exc)
                 self._over.wait(pause)
                 pause = min(pause * 2, LONGEST_PAUSE)
 
-    def _open(self, target: Target, version: str) -> Any:
-        query = {"watch": "1", "allowWatchBookmarks": "true", "resourceVersion": version}
-        query |= {"timeoutSeconds": str(WATCH_SECONDS)}
+    def _open(self, target: Ref, version: str) -> Any:
+        query = {"watch": "1", "resourceVersion": version, "timeoutSeconds": str(WATCH_SECONDS)}
         answer = self._kube.request("GET", target.path, query, read_seconds=WATCH_SECONDS + READ_SLACK)
         self._answers[target] = answer
         if self._over.is_set():
             _hang_up(answer)
         return answer
 
-    def _stream(self, target: Target, answer: Any) -> Iterator[str]:
-        """Tell what comes in; yields the place to resume from after each event, an empty one to start over."""
+    def _stream(self, target: Ref, answer: Any) -> None:
+        """Tell what comes in, to its end. What breaks it is not worth a word: the list that follows tells the truth."""
         try:
-            for line in _lines(answer):
-                event = json.loads(line)
-                kind, obj = event["type"], event["object"]
-                if kind == "ERROR" and obj.get("code") == 410:
-                    yield ""
-                    return
-                if kind == "ERROR":
-                    raise ApiError(f"Watching {target} at {self._kube.host}: {obj.get('message')}", transient=True)
-                version = str(obj["metadata"]["resourceVersion"])
-                if kind in ("ADDED", "MODIFIED", "DELETED"):
+            with contextlib.suppress(*BROKEN, ValueError, KeyError, TypeError):  # cut off, or no watch event at all
+                for line in _lines(answer):
+                    event = json.loads(line)
+                    kind, obj = event["type"], event["object"]
+                    if kind == "ERROR" and obj.get("code") != 410:
+                        raise ApiError(f"Watching {self._kube.host}{target.path}: {obj.get('message')}", transient=True)
+                    if kind not in ("ADDED", "MODIFIED", "DELETED"):
+                        return
                     self._tell("gone" if kind == "DELETED" else "set", target, obj)
-                yield version
-        except BROKEN:
-            return  # nothing to report: it is resumed where it stood, and only a failure of that is worth a word
-        except (ValueError, KeyError, TypeError):
-            yield ""  # cut off within a line, or no watch event at all: a fresh list tells the truth
         finally:
             self._answers.pop(target, None)
             answer.close()

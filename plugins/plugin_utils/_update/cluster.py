@@ -113,8 +113,7 @@ class KubeCluster:
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         """What is not there is no error. An object with a uid is deleted if it is that very one."""
-        uids = {ref_of(item): str(uid) for item in objects if (uid := item["metadata"].get("uid"))}
-        return self._writer.delete([ref_of(item) for item in objects], dry_run, uids)
+        return self._writer.delete(map(ref_of, objects), dry_run)
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
         """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.

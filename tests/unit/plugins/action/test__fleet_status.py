@@ -47,14 +47,11 @@ def test_tables_are_for_those_who_ask_for_more(monkeypatch: pytest.MonkeyPatch, 
     assert found["_ansible_verbose_override"] is True  # Ansible's own print of it would be the same once more
 
 
-def test_check_mode_writes_nothing(tmp_path: Path, said: list[str]) -> None:
-    page = tmp_path / "new" / "fleet.html"
-    assert show(page, {"graph": GRAPH}, check_mode=True)["changed"] is True
-    assert list(tmp_path.iterdir()) == [] and said
-
-
-def test_no_page_is_wanted(tmp_path: Path, said: list[str]) -> None:
-    assert show("", {"graph": GRAPH})["changed"] is False
+@pytest.mark.parametrize(("page", "check_mode"), [("new/fleet.html", True), ("", False)])
+def test_nothing_is_written_in_check_mode_or_where_no_page_is_wanted(
+    tmp_path: Path, said: list[str], page: str, check_mode: bool
+) -> None:
+    assert show(page and tmp_path / page, {"graph": GRAPH}, check_mode)["changed"] is check_mode
     assert list(tmp_path.iterdir()) == [] and said
 
 

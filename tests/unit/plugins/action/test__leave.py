@@ -8,17 +8,10 @@ from ansible_collections.rosops.fleet.plugins.action import _leave
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 
-@pytest.mark.parametrize(
-    ("word", "left", "in_check_mode"),
-    [
-        ("updated", "", ""),
-        ("unchanged", "", ""),
-        ("deferred-offline", "unreachable", "unreachable"),
-        ("deferred-busy", "failed", ""),
-        ("rolled-back", "failed", ""),
-        ("failed", "failed", ""),
-    ],
-)
+@pytest.mark.parametrize(("word", "left", "in_check_mode"), [
+    ("updated", "", ""), ("unchanged", "", ""), ("deferred-offline", "unreachable", "unreachable"),
+    ("deferred-busy", "failed", ""), ("rolled-back", "failed", ""), ("failed", "failed", ""),
+])  # fmt: skip
 def test_by_the_word(word: str, left: str, in_check_mode: str) -> None:
     args = {"outcome": {"outcome": word, "reason": "why", "steps": []}}
     for found, way in (

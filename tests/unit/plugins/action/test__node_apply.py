@@ -17,16 +17,12 @@ TAINT = {"key": "gripper", "value": "", "effect": "NoSchedule"}
 
 
 def apply(api: dict[str, Any], check_mode: bool = False, **options: Any) -> dict[str, Any]:
-    return run(
-        _node_apply,
-        {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options},
-        fleet_of(robot()),
-        check_mode,
-    )
+    given = {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options}
+    return run(_node_apply, given, fleet_of(robot()), check_mode)
 
 
-def ready(server: Server) -> None:
-    server.put(PATH, obj("Node", "robot1", status={"conditions": conditions(Ready="True")}))
+def ready(server: Server, says: str = "True") -> None:
+    server.put(PATH, obj("Node", "robot1", status={"conditions": conditions(Ready=says)}))
 
 
 def test_labels_and_taints_once(server: Server, api: dict[str, Any]) -> None:
@@ -53,8 +49,7 @@ def test_a_taint_that_would_end_what_works_there_is_refused(server: Server, api:
     ends = {**TAINT, "effect": "NoExecute"}
     for check_mode in (True, False):
         refused = apply(api, check_mode, taints=[ends])
-        assert refused["failed"]
-        assert "with NoExecute would end robot-robot1/arm-1 at once" in refused["msg"]
+        assert refused["failed"] and "with NoExecute would end robot-robot1/arm-1 at once" in refused["msg"]
     assert not server.writes
     runs(server, tolerations=[{"key": "gripper", "operator": "Exists"}])
     assert apply(api, taints=[ends])["changed"]
@@ -84,16 +79,14 @@ def test_what_changes_meanwhile_is_looked_at_again(server: Server, api: dict[str
 
 
 def test_a_node_that_does_not_come_fails(server: Server, api: dict[str, Any]) -> None:
-    server.put(PATH, obj("Node", "robot1", status={"conditions": conditions(Ready="False")}))
+    ready(server, "False")
     failed = apply(api, timeout=0.01)
-    assert failed["failed"]
-    assert "Node robot1" in failed["msg"]
+    assert failed["failed"] and "Node robot1" in failed["msg"]
     assert not server.writes
 
 
 def test_check_mode_foresees_a_node_that_has_not_joined(server: Server, api: dict[str, Any]) -> None:
     for access in (api, {"kubeconfig": "/nowhere/edge.yaml"}):
         result = apply(access, check_mode=True)
-        assert result["changed"]
-        assert "node robot1 has not joined yet" in result["msg"]
+        assert result["changed"] and "node robot1 has not joined yet" in result["msg"]
     assert not server.writes

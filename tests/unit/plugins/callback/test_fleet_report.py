@@ -23,17 +23,11 @@ class FakeDisplay:
     columns = 79
 
     def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.warnings: list[str] = []
+        self.lines, self.warnings = list[str](), list[str]()
+        self.banner, self.warning = self.lines.append, self.warnings.append
 
     def display(self, text: str, **_style: Any) -> None:
         self.lines.append(text)
-
-    def banner(self, text: str) -> None:
-        self.lines.append(text)
-
-    def warning(self, text: str) -> None:
-        self.warnings.append(text)
 
 
 def play(*hosts: str) -> Any:
@@ -115,13 +109,14 @@ def test_secrets_stay_out(callback: Any, tmp_path: Path, no_log: bool | None) ->
     assert written(tmp_path)["hosts"][0]["reason"] == "hidden by no_log"
 
 
-def test_nothing_that_goes_wrong_ends_the_run(callback: Any) -> None:
-    callback.v2_playbook_on_play_start(None)
+def test_nothing_that_goes_wrong_ends_the_run(callback: Any, tmp_path: Path) -> None:
+    (tmp_path / "deep").write_text("in the way")
+    callback.v2_playbook_on_stats(stats(robot1="ok"))
     callback.v2_runner_on_ok(None)
     callback.v2_playbook_on_task_start(None, False)
-    callback.v2_playbook_on_stats(None)
-    assert len(callback._display.warnings) == 1
-    assert "v2_playbook_on_play_start" in callback._display.warnings[0]
+    callback.v2_playbook_on_play_start(None)
+    [warning] = callback._display.warnings
+    assert "v2_playbook_on_stats" in warning
 
 
 def test_a_task_of_any_kind_has_a_name(callback: Any) -> None:
@@ -137,25 +132,15 @@ def test_a_task_of_any_kind_has_a_name(callback: Any) -> None:
     assert not callback._display.warnings
 
 
-def test_an_unwritable_path_is_a_warning(callback: Any, tmp_path: Path) -> None:
-    (tmp_path / "deep").write_text("in the way")
-    callback.v2_playbook_on_stats(stats(robot1="ok"))
-    assert "v2_playbook_on_stats" in callback._display.warnings[0]
-
-
-def test_an_empty_path_writes_none(callback: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(callback, "get_option", lambda _name: "")
-    callback.v2_playbook_on_stats(stats(robot1="ok"))
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_relative_path_starts_at_the_configuration(
-    callback: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+@pytest.mark.parametrize("path", ["", "reports/fleet-report.json"])
+def test_a_relative_path_starts_at_the_configuration_and_an_empty_one_writes_none(
+    callback: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, path: str
 ) -> None:
-    monkeypatch.setattr(callback, "get_option", lambda _name: "reports/fleet-report.json")
+    monkeypatch.setattr(callback, "get_option", lambda _name: path)
     monkeypatch.setattr(constants, "CONFIG_FILE", str(tmp_path / "ansible.cfg"), raising=False)
     callback.v2_playbook_on_stats(stats(robot1="ok"))
-    assert (tmp_path / "reports" / "fleet-report-site.json").exists()
+    assert [one.name for one in tmp_path.iterdir()] == (["reports"] if path else [])
+    assert not callback._display.warnings
 
 
 def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:

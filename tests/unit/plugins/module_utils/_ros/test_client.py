@@ -79,7 +79,6 @@ class Replay:
             "lookupNode": lambda name: look_up(self.nodes, name),
             "lookupService": lambda name: look_up(services, name),
         }
-        del replies["system.multicall"]
         return Ros1Client(self.peers.api("master", replies, multicall), timeout, "/test")
 
     def calls_of(self, label: str) -> list[str]:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -37,40 +38,21 @@ def test_two_turns_and_the_end() -> None:
     ended = come_back(line)
     assert ended["told"] == ["make: no space left", "undo went well"]
     assert ended["process"] != os.getpid()
-    assert gone(ended["process"])
+    assert wait([os.pidfd_open(ended["process"])], 10)
     assert not Path(line).parent.exists()
-
-
-def gone(process: int, seconds: float = 10.0) -> bool:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        done, _status = os.waitpid(process, os.WNOHANG)
-        if done:
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def test_work_without_a_turn_has_its_word_at_once() -> None:
     assert begin(lambda _turns: {"outcome": "waiting"})["outcome"] == "waiting"
 
 
-def test_what_breaks_the_work_is_heard() -> None:
+def test_what_breaks_or_ends_the_work_is_heard(tmp_path: Path) -> None:
     def broken(_turns: Turns) -> Mapping[str, Any]:
         raise ValueError("a mistake of ours")
 
     assert "ValueError: a mistake of ours" in begin(broken)["error"]
-
-
-def test_work_that_was_killed_is_told_of() -> None:
-    def killed(_turns: Turns) -> Mapping[str, Any]:
-        os._exit(9)
-
     with pytest.raises(FleetError, match="has ended without a word"):
-        begin(killed)
-
-
-def test_work_that_is_not_there_any_more_is_told_of(tmp_path: Path) -> None:
+        begin(lambda _turns: os._exit(9))
     with pytest.raises(FleetError, match="the process beside this run has ended: "):
         come_back(str(tmp_path / "line"))
 

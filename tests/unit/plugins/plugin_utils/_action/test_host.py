@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible.errors import AnsibleConnectionFailure, AnsibleError
@@ -14,15 +15,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import A
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
 
-
-def raises(error: Exception) -> Callable[..., Any]:
-    def method(*_args: Any, **_more: Any) -> None:
-        raise error
-
-    return method
-
-
-AWAY, SUDO = raises(AnsibleConnectionFailure("no route to host")), raises(AnsibleError("Incorrect sudo password"))
+AWAY, SUDO = (
+    Mock(side_effect=error)
+    for error in (AnsibleConnectionFailure("no route to host"), AnsibleError("Incorrect sudo password"))
+)
 
 
 def robot(reach: Callable[..., Any]) -> RobotHost:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import leftovers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import Fetch
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import OWNER, USED, has_ended, sweep
@@ -22,18 +21,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import H
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 
 HOME = Home(ClusterPart("server", "edge", ("edge1",), True, "edge1"), "production")
-ADMIN = yaml.safe_dump({"clusters": [{"cluster": {"server": "https://x:6443"}}], "users": [{"user": {"token": "t"}}]})
+ADMIN = "clusters: [{cluster: {server: 'https://x:6443'}}]\nusers: [{user: {token: t}}]\n"
 OWN = ["rosops-fleet-edge.lock", "rosops-fleet-edge.yaml", OWNER, USED]
 FORKED = multiprocessing.get_context("fork")
 
 
-def fetched(directory: Path) -> None:
-    Fetch(directory, lambda _server: ADMIN, lambda *_: True).way(HOME, {"edge1": {}}, {})
-
-
 def run_of(directory: Path) -> None:
-    directory.mkdir(exist_ok=True)
-    fetched(directory)
+    directory.mkdir(0o700, exist_ok=True)
+    Fetch(directory, lambda _server: ADMIN, lambda *_: True).way(HOME, {"edge1": {}}, {})
 
 
 def worker(directory: Path, ready: Connection) -> None:
@@ -134,35 +129,25 @@ def test_a_run_has_ended_only_where_that_is_certain(change: dict[str, Any], ende
 
 
 def left(directory: Path, owner: Any = DEAD) -> Path:
-    directory.mkdir()
+    directory.mkdir(mode=0o700)
     for name in (USED, "rosops-fleet-edge.yaml"):
         (directory / name).write_text("x")
     (directory / OWNER).write_text(json.dumps(owner))
     return directory
 
 
-def test_no_link_is_followed_and_nothing_of_others_is_touched(tmp_path: Path) -> None:
+def test_no_link_is_followed_and_nothing_of_others_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     outside = left(tmp_path / "outside")
     (tmp_path / "ansible-local-link").symlink_to(outside)
     strange = left(tmp_path / "ansible-local-strange", owner=["no", "owner"])
-    nobody = tmp_path / "ansible-local-nobody"
-    nobody.mkdir()
-    (nobody / "rosops-fleet-edge.yaml").write_text("x")
-    ours = left(tmp_path / "ansible-local-ours")
-    (ours / "rosops-fleet-robot1.yaml").symlink_to(outside / "rosops-fleet-edge.yaml")
-    (ours / "rosops-fleet-directory").mkdir()
-    by_link = left(tmp_path / "ansible-local-by-link")
-    (by_link / OWNER).unlink()
-    (by_link / OWNER).symlink_to(outside / OWNER)
-    before = [names(place) for place in (outside, strange, nobody, by_link)]
-    sweep(tmp_path / "ansible-local-me")
-    assert [names(place) for place in (outside, strange, nobody, by_link)] == before
-    assert names(ours) == ["rosops-fleet-directory", "rosops-fleet-robot1.yaml"]
-
-
-def test_another_users_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nobody = left(tmp_path / "ansible-local-nobody")
+    (nobody / OWNER).unlink()
+    shared = left(tmp_path / "ansible-local-shared")  # anybody may have put a link into it
+    shared.chmod(0o770)
+    before = [names(place) for place in (outside, strange, nobody, shared)]
+    assert sweep(tmp_path / "ansible-local-me") == []
+    assert [names(place) for place in (outside, strange, nobody, shared)] == before
     theirs = left(tmp_path / "ansible-local-theirs")
-    before = names(theirs)
     monkeypatch.setattr(os, "getuid", lambda: 12345)
     assert sweep(tmp_path / "ansible-local-me") == []
-    assert names(theirs) == before
+    assert names(theirs) == before[0]

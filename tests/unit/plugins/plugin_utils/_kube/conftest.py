@@ -16,6 +16,12 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def kube(server: Server, clock: Clock) -> Iterator[Kube]:
-    with Kube({"host": server.url, "api_key": "secret-token"}, now=clock.now, sleep=clock.sleep) as made:
+def said() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def kube(server: Server, clock: Clock, said: list[str]) -> Iterator[Kube]:
+    auth = {"host": server.url, "api_key": "secret-token"}
+    with Kube(auth, say=said.append, now=clock.now, sleep=clock.sleep) as made:
         yield made

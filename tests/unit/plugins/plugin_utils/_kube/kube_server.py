@@ -67,7 +67,7 @@ class Server(ThreadingHTTPServer):
 
     def send(self, path: str, what: str, obj: Any = None) -> None:
         """An event on the watch of that path, or how that watch ends."""
-        if what in (END, CUT, GONE):
+        if what == END:
             self.events(path).put(what)
             return
         self.version += 1
@@ -224,6 +224,8 @@ class _Handler(BaseHTTPRequestHandler):
             for part in (line[:7], line[7:]):  # a line may come in pieces
                 self.wfile.write(f"{len(part):x}\r\n".encode() + part + b"\r\n")
             self.wfile.flush()
+            if event.get("type", "ERROR") == "ERROR":
+                return
 
 
 def _bare(obj: Any) -> Any:

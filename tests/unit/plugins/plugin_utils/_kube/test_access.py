@@ -68,19 +68,14 @@ def test_a_second_cluster_inherits_nothing_from_the_first() -> None:
 
 
 def kubeconfig(url: str) -> dict[str, Any]:
+    servers = {"lab": url, "away": "http://[::1]:1"}
     return {
         "apiVersion": "v1",
         "kind": "Config",
         "current-context": "lab",
-        "clusters": [
-            {"name": "lab", "cluster": {"server": url}},
-            {"name": "away", "cluster": {"server": "http://[::1]:1"}},
-        ],
+        "clusters": [{"name": name, "cluster": {"server": server}} for name, server in servers.items()],
         "users": [{"name": "admin", "user": {"token": "from-file"}}],
-        "contexts": [
-            {"name": "lab", "context": {"cluster": "lab", "user": "admin"}},
-            {"name": "away", "context": {"cluster": "away", "user": "admin"}},
-        ],
+        "contexts": [{"name": name, "context": {"cluster": name, "user": "admin"}} for name in servers],
     }
 
 
@@ -93,17 +88,14 @@ def test_a_kubeconfig_as_file_or_as_data(server: Server, tmp_path: Path) -> None
         assert server.seen()[2]["authorization"] == "Bearer from-file"
 
 
-def test_a_kubeconfig_that_is_not_there_says_that_none_is_needed(tmp_path: Path) -> None:
-    with pytest.raises(NoClusterError, match=r"no kubeconfig .*edge.yaml.*a run fetches its access"):
-        Kube({"kubeconfig": str(tmp_path / "edge.yaml")})
-
-
-@pytest.mark.parametrize("content", ["", "{", "kind: Config"])
-def test_an_unusable_kubeconfig_says_what_to_do(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "config"
-    path.write_text(content)
-    with pytest.raises(KubeError, match=r"No usable Kubernetes credentials in .*config.*Set kubeconfig"):
+@pytest.mark.parametrize("content", [None, "", "{", "kind: Config"])
+def test_an_unusable_kubeconfig_says_what_to_do(tmp_path: Path, content: str | None) -> None:
+    path, words = tmp_path / "config", r"No usable Kubernetes credentials in .*config.*Set kubeconfig"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(KubeError, match=words if path.exists() else r"no kubeconfig .*config.*a run fetches") as error:
         Kube({"kubeconfig": str(path)})
+    assert isinstance(error.value, NoClusterError) != path.exists()
 
 
 # --- whose it is ------------------------------------------------------------------------------------------------------
@@ -119,29 +111,22 @@ WHERE = "https://10.0.0.1:6443 (from K8S_AUTH_HOST of the environment)"
         (EDGE, True, False),
         (None, True, True),
         (Identity("fleet", "edge"), True, True),  # made before the fleet had a name
+        (Identity("staging", "edge"), False, None),
+        (Identity("staging", "edge"), True, None),
+        (Identity("production", "robot2"), False, None),
+        (Identity("fleet", "robot2"), True, None),
+        (Identity("fleet", "edge"), False, None),
+        (None, False, None),
     ],
 )
-def test_the_right_one(found: Identity | None, own: bool, adopted: bool) -> None:
-    assert to_be_adopted(found, EDGE, own, WHERE) is adopted
-
-
-@pytest.mark.parametrize(
-    ("found", "own", "said"),
-    [
-        (Identity("staging", "edge"), False, "the cluster edge of the fleet staging"),
-        (Identity("staging", "edge"), True, "the cluster edge of the fleet staging"),
-        (Identity("production", "robot2"), False, "the cluster robot2 of the fleet production"),
-        (Identity("fleet", "robot2"), True, "the cluster robot2 of the fleet fleet"),
-        (Identity("fleet", "edge"), False, "the cluster edge of the fleet fleet"),
-        (None, False, "a cluster that carries no fleet's identity"),
-    ],
-)
-def test_another_one_is_refused_with_both_names(found: Identity | None, own: bool, said: str) -> None:
+def test_another_one_is_refused_with_both_names(found: Identity | None, own: bool, adopted: bool | None) -> None:
+    if adopted is not None:
+        assert to_be_adopted(found, EDGE, own, WHERE) is adopted
+        return
+    said = found or "a cluster that carries no fleet's identity"
     with pytest.raises(WrongClusterError) as error:
         to_be_adopted(found, EDGE, own, WHERE)
-    assert str(error.value).startswith(
-        f"{WHERE} leads to {said}; the inventory's is {EDGE}. Nothing was read or changed."
-    )
+    assert str(error.value).startswith(f"{WHERE} leads to {said}; the inventory's is {EDGE}. Nothing was read or chang")
 
 
 def test_what_is_written_is_what_is_read_where_there_is_one() -> None:

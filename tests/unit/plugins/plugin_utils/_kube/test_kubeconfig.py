@@ -98,9 +98,7 @@ def test_a_token_stays_what_it_is(tmp_path: Path) -> None:
     assert config["users"][0]["user"] == {"token": "0123"}
 
 
-@pytest.mark.parametrize(
-    "url", ["https://x:six", "https://x:-1", "https://x:99999999", "file:///etc/shadow", "unix:///run/x", ""]
-)
+@pytest.mark.parametrize("url", ["https://x:six", "https://x:99999999", "file:///etc/shadow", ""])
 def test_a_server_that_is_none(url: str) -> None:
     with pytest.raises(SpecError, match=r"k3s.yaml names no (port|http or https URL) of its API"):
         url_at(ADMIN.replace("https://127.0.0.1:6443", url), "10.0.0.1")

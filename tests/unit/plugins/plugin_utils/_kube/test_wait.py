@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import HOPELESS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import latest, probe_line, telling
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
@@ -37,7 +38,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock
 
 DEPLOYMENT = ref("Deployment")
-DEPLOYMENTS, SETS, PODS = Target("Deployment", NS), Target("ReplicaSet", NS), Target("Pod", NS)
+DEPLOYMENTS, SETS, PODS = Ref("Deployment", "", NS), Ref("ReplicaSet", "", NS), Ref("Pod", "", NS)
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": NS}
 new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
 
@@ -48,18 +49,12 @@ class Script:
     def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[StreamEvent]]]) -> None:
         self.clock = clock
         self.steps = sorted(steps, key=lambda step: step[0])
-        self.followed: list[Target] = []
+        self.followed: list[Ref] = []
         self.waits = 0
 
-    def __call__(self, _kube: Any, targets: Iterable[Target]) -> Script:
+    def __call__(self, _kube: Any, targets: Iterable[Ref]) -> Any:
         self.followed += targets
-        return self
-
-    def __enter__(self) -> Script:
-        return self
-
-    def __exit__(self, *unused: object) -> None:
-        """Nothing to end."""
+        return nullcontext(self)
 
     def changes(self, timeout: float) -> list[StreamEvent]:
         self.waits += 1
@@ -77,7 +72,7 @@ class FakeKube:
 
     def __init__(self, lists: dict[str, list[Object]] | None = None, log: str = "", refuse: int = 0) -> None:
         self.lists, self.log, self.refuse = lists or {}, log, refuse
-        self.no_previous = False
+        self.previous = False
         self.asked: list[tuple[str, ...]] = []
 
     def objects(self, kind: str, *where: str, **which: str) -> list[Object]:
@@ -87,16 +82,16 @@ class FakeKube:
         return self.lists.get(kind, [])
 
     def log_tail(self, *_whose: Any, previous: bool = True) -> str:
-        if previous and self.no_previous:
+        if previous != self.previous:
             raise ApiError("previous terminated container not found", status=400)
         return self.log
 
 
-def listed(target: Target, *objects: Object) -> StreamEvent:
+def listed(target: Ref, *objects: Object) -> StreamEvent:
     return StreamEvent("listed", target, list(objects))
 
 
-def changed(target: Target, obj: Object, what: str = "set") -> StreamEvent:
+def changed(target: Ref, obj: Object, what: str = "set") -> StreamEvent:
     return StreamEvent(what, target, [obj])
 
 
@@ -147,7 +142,7 @@ def restarted(count: int, ready: bool = True, **how: Any) -> Object:
     return made
 
 
-def lost(target: Target) -> StreamEvent:
+def lost(target: Ref) -> StreamEvent:
     return StreamEvent("lost", target, error=REFUSED)
 
 
@@ -301,16 +296,18 @@ def test_an_api_that_is_away_is_told() -> None:
     done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), timeout=25)
     assert "no news at the moment: The Kubernetes API at https://edge1:6443" in done.said[0]
     assert "The last news is old" in done.message
+    done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), (6.0, [listed(PODS, old_pod)]), timeout=25)
+    assert "news" not in done.message + done.said[0]
 
 
 @pytest.mark.parametrize(("target", "status"), [(DEPLOYMENTS, 401), (PODS, 403)])
-def test_who_may_not_see_what_is_waited_for_waits_no_longer(target: Target, status: int) -> None:
+def test_who_may_not_see_what_is_waited_for_waits_no_longer(target: Ref, status: int) -> None:
     error = ApiError("no", status=status)
     assert Run((0.1, [StreamEvent("refused", target, error=error)])).error is error
 
 
 def test_who_may_not_read_storage_classes_waits_for_a_claim_all_the_same() -> None:
-    claims, classes = Target("PersistentVolumeClaim", NS), Target("StorageClass")
+    claims, classes = Ref("PersistentVolumeClaim", "", NS), Ref("StorageClass", "")
     forbidden = StreamEvent("refused", classes, error=ApiError("403", status=403))
     bound = obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})
     done = Run((0.1, [forbidden, listed(claims, bound)]), refs=[ref("PersistentVolumeClaim", "logs-pvc")])
@@ -357,7 +354,9 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
 def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     crash = waiting("CrashLoopBackOff", restartCount=2, lastState={"terminated": {"exitCode": 1}})
     steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
-    done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
+    kube = FakeKube(log="Traceback\nImportError: rospy")
+    kube.previous = True
+    done = Run(steps, kube=kube)
     assert done.message.splitlines()[-2] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
 
 
@@ -380,7 +379,6 @@ def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
 
 def test_an_end_quotes_the_log_of_the_container_that_ended() -> None:
     kube = FakeKube(log="Traceback\nImportError: rospy")
-    kube.no_previous = True
     assert Run(BOTH, (1.0, [changed(PODS, DEAD)]), kube=kube, **ONCE).message.splitlines()[:-1] == [
         f"ended with exit code 3 (Error) (Deployment {NS}/talker, pod talker-new-1, container ros-app)",
         "  log of pod talker-new-1, container ros-app: Traceback",
@@ -433,15 +431,23 @@ def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_read
     assert done.error is None
     assert 4 <= len(kube.asked) <= 6
     assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
-    away = FakeKube()
-    Run((0.1, [*lists(RUNS, old_pod), lost(PODS)]), kube=away, timeout=9)
-    assert away.asked == []
+
+
+@pytest.mark.parametrize("steps", [
+    [*lists(RUNS, old_pod), lost(PODS)],
+    # a readiness gate's condition says why
+    lists(pod("talker-new-1", NEW, [app(ready=True)]), status={"availableReplicas": 0}),
+])  # fmt: skip
+def test_no_events_are_listed_where_no_probe_can_say_something_new(steps: list[StreamEvent]) -> None:
+    kube = FakeKube()
+    assert "rolled out after 9 s" in Run((0.1, steps), kube=kube, timeout=9).message
+    assert len(kube.asked) == (steps[-1].what == "listed")  # for the message
 
 
 def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:
     """Of a probe by HTTP the kubelet tells the status alone."""
     status = "Startup probe failed: HTTP probe failed with statuscode: 503"
-    starting = pod("talker-new-1", NEW, [app()])
+    starting = pod("talker-new-1", NEW, [app(ready=True)], status={"initContainerStatuses": [app(name="hooks")]})
     starting["spec"]["initContainers"] = [{"name": "hooks", "restartPolicy": "Always"}]
     kube = FakeKube({"Event": [unhealthy(status, 1)]}, log="not ready: not registered yet")
     calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
