@@ -28,21 +28,23 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
-    return {**run(_fleet_info, {"volumes": "usage", "images": "usage"}, given), "asked": asked}
+    found = run(_fleet_info, {"volumes": "usage", "images": "usage"}, given)
+    return {**found.pop("status"), **found, "asked": asked}
 
 
 def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     answer = Answer({"Node": [NODE], "Service": [MASTER]})
     found = info(monkeypatch, {"edge": answer}, robot2={"unreachable": True, "msg": "timed out"})
     assert (found["asked"], found["problems"], found["changed"]) == (["edge"], [], False)
-    assert (found["name"], found["promised"]) == ("demo", {})
+    assert found["name"] == "demo"
     assert [(row["name"], row["reachable"]) for row in found["hosts"]] == [
         ("edge1", True),
         ("robot1", True),
         ("robot2", False),
     ]
     assert [row["name"] for row in found["nodes"]] == ["robot1"]
-    assert found["graphs"] == {"robot1": {"robot": "robot1", "master_uri": "http://10.43.0.1:11311", "addresses": []}}
+    own = {"robot": "robot1", "master_uri": "http://10.43.0.1:11311", "addresses": [], "promised": {}}
+    assert found["graphs"] == {"robot1": own}
 
 
 def test_claims_have_their_use(monkeypatch: pytest.MonkeyPatch) -> None:

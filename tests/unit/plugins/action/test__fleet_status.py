@@ -12,8 +12,10 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import r
 
 HOST = {"name": "robot1", "group": "robots", "cluster": "edge", "reachable": True}
 FLEET: dict[str, Any] = {
-    "hosts": [HOST],
-    "problems": [{"where": "cluster edge", "what": "does not answer: no answer within 60 s"}],
+    "status": {
+        "hosts": [HOST],
+        "problems": [{"where": "cluster edge", "what": "does not answer: no answer within 60 s"}],
+    },
     "graphs": {"robot1": {"robot": "(shared)", "master_uri": "http://10.43.0.1:11311"}},
 }
 GRAPH = {"nodes": {"/sensor": {"pid": 1}}, "topics": {"/t": {"type": "a/B", "rate": 10.0}}}
@@ -91,11 +93,3 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
     ]
     assert len(found["ros_nodes"]) == ("graph" in result)
     assert said[0].startswith("\nNEEDS ATTENTION")
-
-
-def test_the_last_outcomes_are_those_that_the_clusters_keep(monkeypatch: pytest.MonkeyPatch, said: list[str]) -> None:
-    told = {"playbook": "update.yml", "started": "2026-01-01T00:00:00Z", "outcome": "rolled-back"}
-    monkeypatch.setitem(FLEET, "runs", [{"host": "robot1", "reason": "half the rate", **told}])
-    found = show("", {"graph": GRAPH})["status"]
-    assert [(row["host"], row["outcome"]) for row in found["outcomes"]] == [("robot1", "rolled-back")]
-    assert "half the rate" in said[0]

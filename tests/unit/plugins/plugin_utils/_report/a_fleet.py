@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Host, Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
@@ -109,9 +109,10 @@ SOURCES: dict[str, Any] = {
 def fleet_status(sources: dict[str, Any]) -> Status:
     kinds = {
         "Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims",
-        "StorageClass": "classes",
+        "StorageClass": "classes", "ConfigMap": "maps",
     }  # fmt: skip
     found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
-    held = cluster_rows([found], sources.get("usage", {}), NOW)
-    look = Look(replace(held, hosts=sources.get("hosts", ())), promised=sources.get("promised", {}))
-    return status_of(look, {robot: Reading.from_dict(one) for robot, one in sources.get("graphs", {}).items()})
+    held = replace(cluster_rows([found], sources.get("usage", {}), NOW), hosts=sources.get("hosts", ()))
+    promised = sources.get("promised", {})
+    graphs = {robot: Reading.from_dict(one, promised) for robot, one in sources.get("graphs", {}).items()}
+    return status_of(held, graphs)
