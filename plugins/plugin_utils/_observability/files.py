@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from ...module_utils._common.documents import Document
 from ...module_utils._common.errors import SpecError
-from .._model.finding import Problem, shown
+from .._model.finding import Problem, shown, taken
 
 # By the place of the code and not of the play: the role's tasks run inside other roles', too.
 FILES = Path(__file__).resolve().parents[3] / "roles" / "observability" / "files"
@@ -147,21 +147,17 @@ def _object_name(uid: str) -> str:
 
 def _clashes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
     """With what a ConfigMap holds, and with one another."""
-    first: dict[tuple[str, str], str] = {}
     for path, dashboard in good.items():
         size = len(f"{dashboard.name}.json") + len(dashboard.json.encode())
         if size > LARGEST:
             yield Problem(path, f"is {size} bytes without its spaces", f"{LARGEST}, all that a ConfigMap holds")
-        same_uid = first.setdefault(("uid", dashboard.uid), path)
-        if same_uid != path:
-            yield Problem(f"{path}: uid", f"'{dashboard.uid}' is the uid of {same_uid}, too", "a uid of its own")
-            continue
-        same_name = first.setdefault(("name", dashboard.name), path)
-        if same_name != path:
-            # they differ in case or in signs that an object's name cannot have
-            problem = f"'{dashboard.uid}' makes the object name {dashboard.name}, which {same_name} has, too"
+    for path, uid, first in taken((path, one.uid) for path, one in good.items()):
+        yield Problem(f"{path}: uid", f"'{uid}' is the uid of {first}, too", "a uid of its own")
+    for path, name, first in taken((path, one.name) for path, one in good.items()):
+        uid = good[path].uid
+        if uid != good[first].uid:  # they differ in case or in signs that an object's name cannot have
+            problem = f"'{uid}' makes the object name {name}, which {first} has, too"
             yield Problem(f"{path}: uid", problem, "a uid that differs in letters or digits")
-        same_title = first.setdefault(("title", dashboard.title.lower()), path)
-        if same_title != path:
-            problem = f"'{dashboard.title}' is the title of {same_title}, too"
-            yield Problem(f"{path}: title", problem, "a title of its own: they lie in one folder")
+    for path, _title, first in taken((path, one.title.lower()) for path, one in good.items()):
+        problem = f"'{good[path].title}' is the title of {first}, too"
+        yield Problem(f"{path}: title", problem, "a title of its own: they lie in one folder")

@@ -26,9 +26,18 @@ class Finding:
     """`followers` are the rows, with their sections, of which this finding is the cause; `takes` says it in words."""
 
     level: str
-    section: str
-    told: Told
+    row: Row
     followers: list[tuple[str, Row]] = field(default_factory=list)
+
+    @property
+    def told(self) -> Told:
+        """A host that is off says nothing itself: its node's last word counts, or the run that missed it."""
+        if not isinstance(self.row, rows.Host):
+            return self.row.told()
+        followers = [row for _section, row in self.followers]
+        times = [row.since for row in followers if isinstance(row, rows.Node)]
+        times += [row.started for row in followers if isinstance(row, rows.LastRun)]
+        return replace(self.row.told(), since=next(filter(None, times), ""))
 
     @property
     def link(self) -> str:
@@ -51,15 +60,13 @@ def attention(status: Status) -> list[Finding]:
         if level(row) not in (WARN, BAD) and not is_unknown(row, away):
             continue
         cause = next((causes[key] for key in _causes(row, status) if key in causes), None)
-        if cause is not None:
+        if cause:
             cause.followers.append((section, row))
-            # what depends on this row has the same cause, and must find it
-            causes.update(dict.fromkeys(_keys(row), cause))
-            continue
-        finding = Finding(level(row), section, row.told())
-        causes.update({key: finding for key in _keys(row) if key not in causes})
-        found.append(finding)
-    return sorted(map(_dated, found), key=lambda one: one.level != BAD)
+        else:
+            found.append(Finding(level(row), row))
+        # what depends on this row has the same cause, and must find it
+        causes.update({key: cause or found[-1] for key in _keys(row) if cause or key not in causes})
+    return sorted(found, key=lambda one: one.level != BAD)
 
 
 def _keys(row: Row) -> list[Key]:
@@ -102,16 +109,6 @@ def _causes(row: Row, status: Status) -> Iterator[Key]:
 
 def _servers_away(cluster: str, status: Status) -> bool:
     return not any(row.reachable for row in status.hosts if (row.cluster, row.role) == (cluster, "server"))
-
-
-def _dated(finding: Finding) -> Finding:
-    """A host that is off says nothing itself: its node's last word counts, or the run that missed it."""
-    if finding.section != "hosts" or finding.told.since:
-        return finding
-    followers = [row for _section, row in finding.followers]
-    times = [row.since for row in followers if isinstance(row, rows.Node)]
-    times += [row.started for row in followers if isinstance(row, rows.LastRun)]
-    return replace(finding, told=replace(finding.told, since=next(filter(None, times), "")))
 
 
 # ---- in words

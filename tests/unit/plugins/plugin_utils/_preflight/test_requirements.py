@@ -25,25 +25,28 @@ def part(role: str) -> dict[str, str]:
     return {"role": role, "node_name": "n", "k3s_version": "", "interface": ""}
 
 
-def test_a_server_reaches_the_others_api_and_etcd() -> None:
-    servers = server_addresses(SERVERS, "edge1", HOSTVARS)
-    assert servers == ["[fd00::2]"]
-    found = look("server", servers)
-    assert found["reach"] == ["[fd00::2]:6443", "[fd00::2]:2379", "[fd00::2]:2380"]
-    assert {"port": 2379, "protocol": "tcp"} in found["ports"]
+@pytest.mark.parametrize(
+    ("role", "host", "reach", "ports"),
+    [
+        (
+            "server", "edge1", ["[fd00::2]:6443", "[fd00::2]:2379", "[fd00::2]:2380"],
+            ["6443/tcp", "6444/tcp", "2379/tcp", "2380/tcp", "10250/tcp", "8472/udp"],
+        ),
+        ("agent", "robot1", ["10.0.0.1:6443", "[fd00::2]:6443"], ["6444/tcp", "10250/tcp", "8472/udp"]),
+    ],
+)  # fmt: skip
+def test_a_server_reaches_the_others_api_and_etcd_and_an_agent_the_api(
+    role: str, host: str, reach: list[str], ports: list[str]
+) -> None:
+    servers = server_addresses(SERVERS, host, HOSTVARS)
+    found = look(role, servers)
+    assert (found["reach"], [f"{one['port']}/{one['protocol']}" for one in found["ports"]]) == (reach, ports)
+    urls = [f"https://{one}" for one in reach if one.endswith(":6443")]
+    assert requirements(part(role), DEFAULTS, servers).server_urls == urls
 
 
 def test_a_server_that_is_alone_has_no_etcd() -> None:
     assert [one["port"] for one in look("server", [])["ports"]] == [6443, 6444, 10250, 8472]
-
-
-def test_an_agent_reaches_every_servers_api() -> None:
-    servers = server_addresses(SERVERS, "robot1", HOSTVARS)
-    found = look("agent", servers)
-    assert found["reach"] == ["10.0.0.1:6443", "[fd00::2]:6443"]
-    assert {"port": 6443, "protocol": "tcp"} not in found["ports"]
-    wanted = requirements(part("agent"), DEFAULTS, servers)
-    assert wanted.server_urls == ["https://10.0.0.1:6443", "https://[fd00::2]:6443"]
 
 
 def test_a_host_that_passes_is_beyond_what_k3s_acts_upon() -> None:

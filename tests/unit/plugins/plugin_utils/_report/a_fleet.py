@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
@@ -13,6 +14,20 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import H
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
 NOW = 1_795_536_750.0  # 2026-11-24T16:12:30Z
+
+# Rows of hosts and apps, as mappings; `status` makes sections of these.
+UP = {"name": "robot1", "group": "robots", "role": "agent", "cluster": "edge", "reachable": True}
+OFF = {**UP, "name": "robot2", "reachable": False, "reason": "timed out"}
+EDGE_OFF = {"name": "edge1", "group": "edge", "role": "server", "cluster": "edge", "reachable": False}
+
+
+def app(robot: str, ready: int = 0, **more: Any) -> dict[str, Any]:
+    row = {"name": "sensor", "namespace": f"robot-{robot}", "robot": robot, "ready": ready, "nodes": [robot]}
+    return {**row, **more}
+
+
+def status(**sections: Any) -> Status:
+    return read(Status, sections)
 
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:

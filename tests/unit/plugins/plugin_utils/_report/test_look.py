@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -129,7 +130,7 @@ ROS MASTERS
 
 APPS
   robot   app                 placement  ready  node    restarts  image         note
-  robot1  stats               remote     0/1    edge1   0         lab/apps:1.0  ImagePullBackOff: image lab/..
+  robot1  stats               remote     0/1    edge1   0         lab/apps:1.0  ImagePullBackOff: image lab/apps:1.0:..
   robot1  temperature-sensor  local      1/1    robot1  2         lab/apps:1.0  -
 
 ROS NODES
@@ -153,7 +154,7 @@ CLAIMS
 
 
 def test_the_page() -> None:
-    assert status_text(fleet_status(SOURCES), width=110) == PAGE
+    assert status_text(fleet_status(SOURCES)) == PAGE
 
 
 # ---- clusters
@@ -167,11 +168,10 @@ class Cluster:
 
     closed: list[str] = []  # noqa: RUF012 - one list for the clusters of a test
 
-    def __init__(self, name: str, before: Any = None) -> None:
+    def __init__(self, name: str, before: Callable[[], object] = int) -> None:
         if name == "none":
             raise KubeError("No usable Kubernetes credentials in none")
         self.name, self.before = name, before
-        self.asked: list[tuple[str, str]] = []
 
     def __enter__(self) -> Cluster:
         return self
@@ -180,40 +180,33 @@ class Cluster:
         self.closed.append(self.name)
 
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Any]:
-        if kind == "ConfigMap":
-            return [fields]
         assert namespace == "" and self.name not in self.closed
-        if self.before:
-            self.before()
+        self.before()
         if self.name == "away" or (self.name == "half" and kind == "Pod"):
             raise KubeError("connection refused")
-        self.asked.append((kind, labels))
-        return [f"{kind} of {self.name}"]
+        return [f"{labels}{fields} of {self.name}"]
 
 
-def opened(name: str) -> Any:
-    return Cluster(name)
+@pytest.fixture(autouse=True)
+def nothing_closed() -> None:
+    Cluster.closed.clear()
+
+
+def opened(name: str, before: Callable[[], object] = int) -> Any:
+    return partial(Cluster, name, before)
 
 
 def test_everything_that_is_shown_is_asked_for_once() -> None:
-    made: list[Cluster] = []
-
-    def good() -> Any:
-        made.append(Cluster("good"))
-        return made[0]
-
-    answer = look.ask({"edge": good}, PATIENT)["edge"]
-    assert answer.problem == ""
-    maps = ["metadata.name=rosops-outcomes", "metadata.name=robot-updates"]
-    assert answer.objects == {**{kind: [f"{kind} of good"] for kind in look.KINDS}, "ConfigMap": maps}
-    assert made[0].asked == list(look.KINDS.items())
-    assert made[0].closed[-1] == "good"
+    answer = look.ask({"edge": opened("good")}, PATIENT)["edge"]
+    maps = ["metadata.name=rosops-outcomes of good", "metadata.name=robot-updates of good"]
+    asked = {kind: [f"{labels} of good"] for kind, labels in look.KINDS.items()}
+    assert answer == look.Answer({**asked, "ConfigMap": maps})
+    assert Cluster.closed == ["good"]
 
 
 def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
-    Cluster.closed.clear()
     given = {"a": "none", "b": "away", "c": "half", "d": "good"}
-    answers = look.ask({name: partial(opened, api) for name, api in given.items()}, PATIENT)
+    answers = look.ask({name: opened(api) for name, api in given.items()}, PATIENT)
     assert {name: one.problem for name, one in answers.items()} == {
         "a": "No usable Kubernetes credentials in none",
         "b": "connection refused",
@@ -225,24 +218,15 @@ def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
 
 
 def test_they_are_asked_side_by_side() -> None:
-    Cluster.closed.clear()
     meeting = threading.Barrier(3)  # each waits for the others: one after the other this would never end
-
-    def meets() -> Any:
-        return Cluster("good", lambda: meeting.wait(PATIENT))
-
+    meets = opened("good", partial(meeting.wait, PATIENT))
     assert not any(one.problem for one in look.ask(dict.fromkeys("abc", meets), PATIENT).values())
 
 
 def test_one_that_never_answers_is_given_up() -> None:
-    Cluster.closed.clear()
     end = threading.Event()
-
-    def slow() -> Any:
-        return Cluster("slow", lambda: end.wait(PATIENT))
-
     try:
-        answers = look.ask({"a": slow, "b": partial(opened, "good")}, 0.2)
+        answers = look.ask({"a": opened("slow", partial(end.wait, PATIENT)), "b": opened("good")}, 0.2)
     finally:
         end.set()
     assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")
@@ -252,12 +236,8 @@ def test_one_that_never_answers_is_given_up() -> None:
 # ---- hosts
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
-VARIABLES: dict[str, dict[str, Any]] = {
-    "edge1": {"ansible_host": "10.0.0.11"},
-    "robot1": {},
-    "robot2": {},
-    "lone": {"robot_mode": "standalone"},
-}
+HOSTVARS: tuple[dict[str, Any], ...] = ({"ansible_host": "10.0.0.11"}, {}, {}, {"robot_mode": "standalone"})
+VARIABLES = dict(zip(("edge1", "robot1", "robot2", "lone"), HOSTVARS))
 OFF = {"unreachable": True, "msg": "Task failed: timed out"}
 
 
@@ -284,75 +264,69 @@ def test_rows_of_hosts() -> None:
     assert robot == Host("robot2", "robots", "robot2", "agent", "edge", False, "timed out")
 
 
-def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:
-    asked, silent = look.clusters_of(found(off=("edge1",)))
-    assert (list(asked), silent) == (["lone"], {"edge": "its servers are unreachable"})
+THREE = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
 
 
-def test_servers_outside_of_the_limit_may_be_up() -> None:
-    asked, silent = look.clusters_of(found("robot1", "robot2", off=("robot1",)))
-    assert (list(asked), silent) == (["edge"], {})
+@pytest.mark.parametrize(
+    ("hosts", "asked", "silent"),
+    [
+        (found(off=("edge1",)), ["lone"], {"edge": "its servers are unreachable"}),
+        (found("robot1", "robot2", off=("robot1",)), ["edge"], {}),  # a server outside of the limit may be up
+        ([look.Member(name, "", THREE, away=None if name == "c" else "off") for name in THREE.servers], ["edge"], {}),
+    ],
+)
+def test_a_cluster_whose_servers_are_off_is_not_waited_for(
+    hosts: list[look.Member], asked: list[str], silent: dict[str, str]
+) -> None:
+    which, why = look.clusters_of(hosts)
+    assert (list(which), why) == (asked, silent)
 
 
-def test_one_server_that_answers_is_enough() -> None:
-    part = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
-    hosts = [look.Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
-    assert list(look.clusters_of(hosts)[0]) == ["edge"]
+OWN = {
+    "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
+    "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
+}
+OF_ALL = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
+SHARED = {"ros_master_mode": "shared"}
+EXTERNAL = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
+THERE = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
+LONE = ("lone", "http://10.43.0.8:11311", ("10.42.0.9",))  # it shares with nobody
+EVERYBODYS = ("(shared)", "http://10.43.0.9:11311", ("10.42.0.7", "10.42.0.9"))
 
 
-def test_every_robot_reads_its_own_masters_graph() -> None:
-    services = {
-        "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
-        "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
-    }
-    apps = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
-    assert look.graphs_to_read(found(), services, apps) == {
-        "robot1": look.Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
-        "robot2": look.Asked("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
-        "lone": look.Asked("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
-    }
-
-
-def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
-    services = {"edge": [service("robot-robot1", "10.43.0.1")]}
-    assert look.graphs_to_read(found(off=("robot1",)), services, []) == {}
-
-
-def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
-    services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
-    every = {"ros_master_mode": "shared"}
-    lone = look.Asked("lone", "http://10.43.0.8:11311")  # shares with nobody
-    shared = look.Asked("(shared)", "http://10.43.0.9:11311", ("10.42.0.7",))
-    apps = [pods("robot2", "10.42.0.7")]
-    assert look.graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
-    assert look.graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
-
-
-def test_an_external_master_needs_no_service() -> None:
-    external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
-    assert look.graphs_to_read(found(robot2=external), {}, []) == {"robot2": look.Asked("robot2", "http://hall:11311")}
+@pytest.mark.parametrize(
+    ("hosts", "services", "read"),
+    [
+        (
+            found(),
+            OWN,
+            {
+                "robot1": ("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
+                "robot2": ("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
+                "lone": ("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
+            },
+        ),
+        (found(off=("robot1",)), {"edge": OWN["edge"][:1]}, {}),  # it is off, and the others have no master
+        (found(every=SHARED), OF_ALL, {"robot1": EVERYBODYS, "lone": LONE}),
+        (found(every=SHARED, off=("robot1",)), OF_ALL, {"robot2": EVERYBODYS, "lone": LONE}),
+        (found(robot2=EXTERNAL), {}, {"robot2": ("robot2", "http://hall:11311", ("10.42.0.9",))}),
+    ],
+)
+def test_who_reads_whose_graph(hosts: list[look.Member], services: Any, read: dict[str, Any]) -> None:
+    """A shared master's is read by the first robot that answers."""
+    assert look.graphs_to_read(hosts, services, THERE) == {host: look.Asked(*asked) for host, asked in read.items()}
 
 
 def test_what_volumes_hold() -> None:
     path = "/var/lib/rancher/k3s/storage/pvc-3f_robot-robot1_logs-pvc"
-    assert look.usage_of(
-        [
-            {"stdout_lines": [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"]},
-            {"stdout_lines": []},
-            OFF,
-            {"stdout_lines": ["7\t/var/lib/rancher/k3s/storage/pvc-aa_fleet_maps"]},
-        ]
-    ) == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
+    said = [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"], ["7\t/k3s/storage/pvc-aa_fleet_maps"], []
+    found = look.usage_of([{"stdout_lines": lines} for lines in said] + [OFF])
+    assert found == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
 
 
 def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
-    results: dict[str, Any] = {
-        "fine": {"rc": 0},
-        "empty": {"rc": 1},
-        "slow": {"rc": 124},
-        "stuck": {"rc": 137},
-        "off": OFF,
-    }
+    codes = {"fine": 0, "empty": 1, "slow": 124, "stuck": 137}
+    results: dict[str, Any] = {**{host: {"rc": code} for host, code in codes.items()}, "off": OFF}
     assert [problem.where for problem in look.unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
 
 
