@@ -11,7 +11,7 @@ from pathlib import Path
 from ansible import constants as C  # noqa: N812 - its customary name
 
 from ...module_utils._common.documents import Data, Document
-from .._model.keys import plain
+from .._model.keys import plain, read
 from .._update.outcome import RobotOutcome
 from .files import text_of, write
 
@@ -29,10 +29,6 @@ class HostRun:
     outcome: RobotOutcome
     changed: int = 0
     failed_task: str = ""
-
-    @property
-    def note(self) -> str:
-        return note_of(self.outcome.reason, self.failed_task)
 
     def as_dict(self) -> Data:
         """As the cluster and the note have it."""
@@ -54,31 +50,20 @@ def note_of(reason: str, failed_task: str) -> str:
 
 @dataclass(frozen=True)
 class Noted:
-    """What is known of a run at hand: what became of each host if it is still here, and if the run has lost it."""
+    """What is known of a run at hand: what became of each host if it is still here, and if the run has lost it, as
+    `HostRun.as_dict` has it."""
 
     playbook: str = ""
     started: str = ""
-    here: Mapping[str, HostRun] = field(default_factory=dict)
-    lost: Mapping[str, HostRun] = field(default_factory=dict)
-
-    def as_dict(self) -> Data:
-        sides = {"here": self.here, "lost": self.lost}
-        hosts = {side: [run.as_dict() for run in runs.values()] for side, runs in sides.items()}
-        return {"playbook": self.playbook, "started": self.started, **hosts}
-
-    @classmethod
-    def from_dict(cls, told: Document) -> Noted:
-        here, lost = (
-            {run.host: run for run in map(HostRun.from_dict, told.get(side) or ())} for side in ("here", "lost")
-        )
-        return cls(str(told.get("playbook") or ""), str(told.get("started") or ""), here, lost)
+    here: Mapping[str, Data] = field(default_factory=dict)
+    lost: Mapping[str, Data] = field(default_factory=dict)
 
 
 def note_run(found: Noted) -> None:
     """Write down what is known of this run so far, for the tasks that come."""
-    write(Path(C.DEFAULT_LOCAL_TMP) / NOTE, json.dumps(found.as_dict()))
+    write(Path(C.DEFAULT_LOCAL_TMP) / NOTE, json.dumps(plain(found)))
 
 
 def noted_run() -> Noted:
     """What was written down of this run; nothing where nobody does."""
-    return Noted.from_dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / NOTE) or "{}"))
+    return read(Noted, json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / NOTE) or "{}"))

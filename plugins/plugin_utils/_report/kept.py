@@ -24,7 +24,7 @@ from .._kube.pods import meta
 from .._model import names
 from .._objects.common import config_map, owner_labels
 from .._update.outcome import Event, RobotOutcome, known_events
-from .host_run import SPOILT, HostRun, noted_run
+from .host_run import SPOILT, HostRun, note_of, noted_run
 from .rows import LastRun, Step
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
@@ -69,7 +69,14 @@ def last_runs(maps: Iterable[Object]) -> list[LastRun]:
             runs.append(HostRun.from_dict(json.loads(text)))
     newest = {run.host: run for run in sorted(runs, key=attrgetter("started")) if run.outcome.outcome}
     return [
-        LastRun(host, run.outcome.outcome, run.playbook, run.started, run.changed, run.note)
+        LastRun(
+            host,
+            run.outcome.outcome,
+            run.playbook,
+            run.started,
+            run.changed,
+            note_of(run.outcome.reason, run.failed_task),
+        )
         for host, run in sorted(newest.items())
     ]
 

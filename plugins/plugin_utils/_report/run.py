@@ -301,13 +301,13 @@ class RunReport:
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
         failed = {name for name, host in self._hosts.items() if host.failure}
-        here, lost = dict[str, HostRun](), dict[str, HostRun]()
+        here, lost = dict[str, Data](), dict[str, Data]()
         for name, host in self._hosts.items():
             changed = len(host.changed)
-            stays = host.outcome({"changed": changed, "ok": 1}, ())
-            here[name] = HostRun(name, playbook, started, stays, changed)
             gone = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
-            lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, host.failed_task)
+            stays, left = host.outcome({"changed": changed, "ok": 1}, ()), host.outcome(gone, failed)
+            here[name] = HostRun(name, playbook, started, stays, changed).as_dict()
+            lost[name] = HostRun(name, playbook, started, left, changed, host.failed_task).as_dict()
         return Noted(playbook, started, here, lost)
 
     def _stages(self) -> tuple[Data, ...]:
