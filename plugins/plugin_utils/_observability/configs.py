@@ -80,6 +80,6 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
 
 def yaml_text(value: Config) -> str:
     """A configuration file's text, that people can read: the same bytes for the same value, keys in the order given."""
-    # Ansible's texts carry tags, which a dumper does not know; of what is shared a copy each, for which no anchor is made
+    # Ansible's texts carry tags, which a dumper does not know, and what is shared would get an anchor
     plain = json.loads(json.dumps(value))
     return str(yaml.safe_dump(plain, sort_keys=False, width=1000, allow_unicode=True))

@@ -6,9 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from .._model.outcomes import OFFLINE
 from . import rows
-from .glance import BAD, WARN, hosts_away, is_unknown, level
+from .glance import BAD, WARN, hosts_away, is_unknown, level, places
 from .rows import Row, Status, Told, some
 
 RUNBOOKS = "https://github.com/rosops/fleet/blob/main/docs/runbooks"  # as in the alerts' rules
@@ -84,27 +83,20 @@ def _keys(row: Row) -> list[Key]:
 def _causes(row: Row, status: Status) -> Iterator[Key]:
     """What may be the cause of a row, the first one first."""
     match row:
-        case rows.Node():
-            yield "host", row.name
-        case rows.Workload(nodes=(node,)):
-            yield "host", node
         case rows.RosNode():
             yield "app", f"{row.robot}/{row.app}"
             yield "graph", row.robot
-            yield "host", row.at or row.robot
         case rows.Topic():
             if row.promised:
                 yield "app", f"{row.promised.robot}/{row.promised.app}"
             yield "graph", row.robot
-        case rows.Claim():
-            yield "host", row.robot
-        case rows.LastRun(outcome=outcome) if outcome == OFFLINE:
-            yield "host", row.host
         case rows.Trouble():
             if row.cluster and _servers_away(row.cluster, status):
                 yield "cluster", row.cluster
             if row.graph:
                 yield "graph", row.graph
+    if len(places(row)) == 1:
+        yield "host", places(row)[0]
 
 
 def _servers_away(cluster: str, status: Status) -> bool:

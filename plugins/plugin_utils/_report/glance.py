@@ -73,17 +73,24 @@ def is_unknown(row: Row, away: Collection[str]) -> bool:
     return isinstance(row, (rows.Node, rows.Workload)) and _level(row) == BAD and _is_on(row, away)
 
 
-def _is_on(row: Row, hosts: Collection[str]) -> bool:
-    """Whether these hosts' being off explains what is wrong with it."""
-    places: Sequence[str] = ()
+def places(row: Row) -> Sequence[str]:
+    """The hosts whose being off explains what is wrong with it."""
     match row:
         case rows.Node():
-            places = (row.name,)
+            return (row.name,)
         case rows.Workload():
-            places = row.nodes
-        case rows.RosNode() | rows.Claim():
-            places = (row.robot,)
-    return bool(places) and all(place in hosts for place in places)
+            return row.nodes
+        case rows.RosNode():
+            return (row.at or row.robot,)
+        case rows.Claim():
+            return (row.robot,)
+        case rows.LastRun(outcome=outcome) if outcome == OFFLINE:
+            return (row.host,)
+    return ()
+
+
+def _is_on(row: Row, hosts: Collection[str]) -> bool:
+    return bool(places(row)) and all(place in hosts for place in places(row))
 
 
 def _whose(row: Row) -> str:

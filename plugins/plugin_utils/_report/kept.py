@@ -68,17 +68,11 @@ def last_runs(maps: Iterable[Object]) -> list[LastRun]:
         with contextlib.suppress(*SPOILT):
             runs.append(HostRun.from_dict(json.loads(text)))
     newest = {run.host: run for run in sorted(runs, key=attrgetter("started")) if run.outcome.outcome}
-    return [
-        LastRun(
-            host,
-            run.outcome.outcome,
-            run.playbook,
-            run.started,
-            run.changed,
-            note_of(run.outcome.reason, run.failed_task),
-        )
-        for host, run in sorted(newest.items())
-    ]
+    rows = []
+    for host, run in sorted(newest.items()):
+        note = note_of(run.outcome.reason, run.failed_task)
+        rows.append(LastRun(host, run.outcome.outcome, run.playbook, run.started, run.changed, note))
+    return rows
 
 
 def last_steps(maps: Iterable[Object]) -> list[Step]:
