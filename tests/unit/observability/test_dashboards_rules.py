@@ -24,6 +24,7 @@ WANTED = {
     "RobotUpdateFailed", "ReadinessFlapping", "RobotOffline", "ClockSkew", "DiskFillingUp", "PvcNearlyFull",
     "TelemetryBacklog", "LogsDropped", "CertExpiring",
 }  # fmt: skip
+TEXTS = ("summary", "description")
 HEADINGS = ["## What it means", "## What to look at", "## What to do"]
 REPOSITORY = yaml.safe_load((CHECKOUT / "galaxy.yml").read_text("utf-8"))["repository"]
 
@@ -41,24 +42,29 @@ def runbook(name: str) -> str:
     return f"{REPOSITORY}/blob/main/docs/runbooks/{name}.md"
 
 
-def expected(name: str, alert: dict[str, Any]) -> dict[str, Any]:
-    """An alert that fires, as promtool has it."""
-    said = {key: alert[key] for key in ("summary", "description")}
-    return {"exp_labels": alert["labels"], "exp_annotations": {**said, "runbook_url": runbook(name)}}
+def expected(name: str, texts: dict[str, str], alert: dict[str, str]) -> dict[str, Any]:
+    """An alert that fires, as promtool has it; in texts its labels and its `value` stand in braces."""
+    own = {key: alert.get(key, texts[key]).format(**alert) for key in TEXTS}
+    labels = {key: said for key, said in alert.items() if key not in (*TEXTS, "value")}
+    return {"exp_labels": labels, "exp_annotations": {**own, "runbook_url": runbook(name)}}
 
 
 def unit_test(case: dict[str, Any]) -> dict[str, Any]:
     """A case, as promtool has it."""
-    looks = [(name, at, []) for name, times in case.get("silent", {}).items() for at in times]
-    looks += [(name, at, found) for name, times in case.get("fires", {}).items() for at, found in times.items()]
+    silent = [(name, at, []) for name, times in case.get("silent", {}).items() for at in times]
+    fires = [
+        (name, at, [expected(name, said, alert) for alert in alerts])
+        for name, said in case.get("fires", {}).items()
+        for at, alerts in said.items()
+        if at not in TEXTS
+    ]
     return {
         "name": case["name"],
         "interval": case.get("interval", "10s"),
         "input_series": [{"series": series, "values": values} for series, values in case["series"].items()],
         "promql_expr_test": case.get("promql_expr_test", []),
         "alert_rule_test": [
-            {"eval_time": at, "alertname": name, "exp_alerts": [expected(name, alert) for alert in found]}
-            for name, at, found in looks
+            {"eval_time": at, "alertname": name, "exp_alerts": alerts} for name, at, alerts in (*silent, *fires)
         ],
     }
 
