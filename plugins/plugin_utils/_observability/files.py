@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ...module_utils._common.documents import Document
 from ...module_utils._common.errors import SpecError
@@ -82,12 +82,10 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
     problems = [*unread]
     good: dict[str, Dashboard] = {}
     for path, content in files:
-        page = _read(path, content, problems)
-        if page is not None:
-            found = list(_page_problems(path, page))
-            problems += found
-            if not found:
-                good[path] = _dashboard(page)
+        found = list(_page_problems(path, content))
+        problems += found
+        if not found:
+            good[path] = _dashboard(_page(content))
     problems += _clashes(good)
     if problems:
         lines = "".join(f"\n  {problem.line()}" for problem in problems)
@@ -95,19 +93,19 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
     return list(good.values())
 
 
-def _read(path: str, content: str, problems: list[Problem]) -> Document | None:
+def _page(content: str) -> Any:
+    return json.loads(content.removeprefix("\ufeff"))
+
+
+def _page_problems(path: str, content: str) -> Iterator[Problem]:
     try:
-        page = json.loads(content.removeprefix("\ufeff"))
+        page = _page(content)
     except ValueError as error:
-        problems.append(Problem(path, f"is no JSON ({error})", "a dashboard as Grafana exports it"))
-        return None
+        yield Problem(path, f"is no JSON ({error})", "a dashboard as Grafana exports it")
+        return
     if not isinstance(page, dict):
-        problems.append(Problem(path, f"holds {shown(page)}", "one JSON object"))
-        return None
-    return page
-
-
-def _page_problems(path: str, page: Document) -> Iterator[Problem]:
+        yield Problem(path, f"holds {shown(page)}", "one JSON object")
+        return
     if "uid" not in page and isinstance(page.get("dashboard"), dict):
         yield Problem(path, "is an answer of Grafana's API", "what is under its key `dashboard`")
         return
