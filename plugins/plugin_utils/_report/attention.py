@@ -63,8 +63,8 @@ def attention(status: Status) -> list[Finding]:
             cause.followers.append((section, row))
         else:
             found.append(Finding(level(row), row))
-        # what depends on this row has the same cause, and must find it
-        causes.update({key: cause or found[-1] for key in _keys(row) if cause or key not in causes})
+        for key in _keys(row):  # what depends on this row has the same cause, and must find it
+            causes.setdefault(key, cause or found[-1])
     return sorted(found, key=lambda one: one.level != BAD)
 
 

@@ -26,6 +26,8 @@ SILENT = {"where": "cluster edge", "what": "does not answer", "todo": "look", "c
 STOPPED = {"name": "robot1", "ready": False, "reason": "KubeletStopped"}
 DOWN = {"robot": "robot1", "name": "/sensor", "app": "sensor", "at": "robot1", "reachable": False, "error": "x"}
 UNREAD = {"where": "ROS graph of robot1", "what": "no answer", "graph": "robot1"}
+UNREAD_TOO = {**UNREAD, "where": "ROS graph of robot2", "graph": "robot2"}
+LATER = {**OFF, "name": "robot3"}
 ENDED = {"robot": "robot1", "app": "base", "node": "/map", "host": "10.42.0.7"}
 
 
@@ -64,6 +66,14 @@ def test_what_goes_with_a_robot_that_is_off_stands_with_it() -> None:
         (
             {"hosts": [EDGE_OFF, {**EDGE_OFF, "name": "edge2", "reachable": True}], "problems": [SILENT]},
             {"host edge1": [], "cluster edge": []},  # which has a reason of its own
+        ),
+        (
+            {"hosts": [OFF], "ros_nodes": [{**DOWN, "robot": "(shared)", "at": "robot2"}]},
+            {"host robot2": ["ROS node /sensor"]},
+        ),
+        (
+            {"hosts": [OFF, LATER], "masters": [app("robot2", name="ros-master")], "problems": [UNREAD_TOO]},
+            {"host robot2": ["ROS master of robot2", "ROS graph of robot2"], "host robot3": []},
         ),
         ({"hosts": [UP], "nodes": [STOPPED], "apps": [app("robot1")]}, {"node robot1": ["app sensor"]}),
         (

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
     REASON_KEPT,
@@ -17,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
     last_steps,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status, Step
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult, events_map
 
 WHEN = "2026-11-22T06:00:00Z"
@@ -91,6 +93,11 @@ def test_the_latest_steps_are_those_of_the_robots_own_record() -> None:
     now = Step("robot1", "map", "def", "drain", "running", (), (), 5.0, 5.0, {"wait": 5.0}, begun)
     for maps in ([old, record, foreign], [record, old]):
         assert last_steps(maps) == [updated, now]
+    found = cluster_rows([{"ConfigMap": [record]}, {"ConfigMap": [kept_of(RUN)]}], {}, 0.0)
+    assert (found.steps, [row.host for row in found.outcomes]) == ((updated, now), ["robot1"])
+    text = status_text(found)
+    assert "LAST OUTCOMES\n  host    outcome      run         started                  changed  note\n" in text
+    assert "robot1  talker, liste..  overlap  updated  a:1 (11111111)  a:2 (22222222..  3.5 " in text
     [told, _now] = Status(steps=(updated, now)).as_dict()["steps"]
     assert (told["from"], told["to"], "before" in told) == ([*before], [*after], False)
     spoilt = {**record, "data": {"updates.json": '{"updates": [{"app": "a", "started": 1, "phases": 7}]}'}}
