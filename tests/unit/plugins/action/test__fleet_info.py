@@ -37,11 +37,8 @@ def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> 
     found = info(monkeypatch, {"edge": answer}, robot2={"unreachable": True, "msg": "timed out"})
     assert (found["asked"], found["problems"], found["changed"]) == (["edge"], [], False)
     assert found["name"] == "demo"
-    assert [(row["name"], row["reachable"]) for row in found["hosts"]] == [
-        ("edge1", True),
-        ("robot1", True),
-        ("robot2", False),
-    ]
+    reachable = {"edge1": True, "robot1": True, "robot2": False}
+    assert {row["name"]: row["reachable"] for row in found["hosts"]} == reachable
     assert [row["name"] for row in found["nodes"]] == ["robot1"]
     own = {"robot": "robot1", "master_uri": "http://10.43.0.1:11311", "addresses": [], "promised": {}}
     assert found["graphs"] == {"robot1": own}
@@ -83,10 +80,8 @@ def test_a_cluster_that_does_not_answer_is_a_problem(
     monkeypatch: pytest.MonkeyPatch, off: dict[str, Any], answer: Answer, asked: list[str], why: str
 ) -> None:
     found = info(monkeypatch, {"edge": answer}, edge1=off)
-    todo = "ansible edge1 -b -a 'systemctl status k3s'"
-    what = f"does not answer: {why}"
     [problem] = found["problems"]
-    assert (problem["where"], problem["what"], problem["todo"]) == ("cluster edge", what, todo)
-    assert problem["cluster"] == "edge"
+    said = {"where": "cluster edge", "what": f"does not answer: {why}", "cluster": "edge"}
+    assert {**said, "todo": "ansible edge1 -b -a 'systemctl status k3s'"}.items() <= problem.items()
     assert found["asked"] == asked
     assert len(found["nodes"]) == len(asked)  # what it did answer is shown
