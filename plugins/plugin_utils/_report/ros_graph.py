@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from ...module_utils._common.documents import Result
 from ...module_utils._ros.contract import ACTION_TOPICS
@@ -108,17 +108,18 @@ def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
         # from its clients to its server; goals have to get there, results have to come back
         goal, result = graph.topic(f"{name}/goal"), graph.topic(f"{name}/result")
         back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
-        yield _link(rows.Link(robot, name, action=True), goal, (*_broken(goal, graph), *back))
+        yield _link(robot, name, goal, (*_broken(goal, graph), *back), action=True)
     of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
     for name, topic in sorted(graph.topics.items()):
         if name not in of_actions | PLUMBING_TOPICS:
-            yield _link(rows.Link(robot, name), topic, _broken(topic, graph))
+            yield _link(robot, name, topic, _broken(topic, graph))
 
 
-def _link(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
+def _link(
+    robot: str, name: str, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]], action: bool = False
+) -> rows.Link:
     pairs = tuple(dict.fromkeys((one.name, other.name) for one, other in broken))
-    ends = tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers))
-    return replace(link, publishers=ends[0], subscribers=ends[1], broken=pairs)
+    return rows.Link(robot, name, action, tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers)), pairs)
 
 
 def _broken(topic: Topic, graph: Graph) -> Iterator[tuple[NodeKey, NodeKey]]:
