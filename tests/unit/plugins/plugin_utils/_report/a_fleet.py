@@ -32,11 +32,7 @@ def status(**sections: Any) -> Status:
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:
     own = {"rosops.fleet/robot": name, "deploymentType": "local"} if name.startswith("robot") else {}
-    built_in = {
-        "kubernetes.io/hostname": name,
-        "beta.kubernetes.io/os": "linux",
-        "node.kubernetes.io/instance-type": "k3s",
-    }
+    built_in = {"kubernetes.io/hostname": name, "beta.kubernetes.io/os": "linux", "node.k3s.io/instance-type": "k3s"}
     condition = {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
     addresses = [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}]
     status = {"addresses": addresses, "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"}}
@@ -82,11 +78,9 @@ def claim(phase: str = "Bound") -> Object:
 
 
 SAMPLES = {"type": "demo/Sample", "publishers": ["/sensor"], "subscribers": ["/stats"], "rate": 499.83}
+SENSOR = {"pid": 1, "publications": ["/temperature", "/rosout"], "services": ["/s"]}
 GRAPH = {
-    "nodes": {
-        "/sensor": {"pid": 1, "publications": ["/temperature", "/rosout"], "services": ["/s"]},
-        "/ghost": {"error": "connection refused"},
-    },
+    "nodes": {"/sensor": SENSOR, "/ghost": {"error": "connection refused"}},
     "topics": {
         "/temperature": {**SAMPLES, "connections": [{"publisher": "/sensor", "subscriber": "/stats"}]},
         "/rosout": {"type": "rosgraph_msgs/Log"},
@@ -104,9 +98,7 @@ SOURCES: dict[str, Any] = {
         node("edge1", **{"node-role.kubernetes.io/control-plane": "true", "zone": "a"}),
     ],
     "deployments": [
-        workload("temperature-sensor"),
-        workload("stats", remote=True, ready=0),
-        workload("ros-master"),
+        *(workload("temperature-sensor"), workload("stats", remote=True, ready=0), workload("ros-master")),
         workload("not-ours", manager="helm"),
     ],
     "pods": [

@@ -150,14 +150,15 @@ def test_what_ended_lately_and_is_not_ready_is_one_finding() -> None:
 
 
 def test_a_node_is_off_unless_it_says_that_it_is_ready() -> None:
-    def said(name: str, *conditions: tuple[str, str]) -> Object:
-        status = {"conditions": [{"type": kind, "status": status} for kind, status in conditions]}
-        return {"metadata": {"name": name}, "status": status}
-
+    said = {
+        **{"on": {"DiskPressure": "False", "Ready": "True"}, "away": {"Ready": "Unknown"}},
+        **{"broken": {"DiskPressure": "True", "Ready": "False"}, "new": {}},
+    }
     nodes = [
-        said("on", ("DiskPressure", "False"), ("Ready", "True")),
-        said("away", ("Ready", "Unknown")),
-        said("broken", ("DiskPressure", "True"), ("Ready", "False")),
-        said("new"),
+        {
+            "metadata": {"name": name},
+            "status": {"conditions": [{"type": one, "status": on} for one, on in found.items()]},
+        }
+        for name, found in said.items()
     ]
     assert nodes_off(nodes) == ["away", "broken", "new"]
