@@ -23,6 +23,7 @@ HERE = Path(__file__).resolve().parent
 SHOTS = HERE.parent / "output" / "browser"
 MADE = "2026-11-21T09:07:52Z"
 PHONE, DESK = 360, 1280
+LOCAL, REMOTE = ("add-two-ints", "temperature"), ("add-two-ints-client", "temperature-stats")
 UNBROKEN = "x" * 300  # a name that offers no place to break a line at
 
 WIDER_THAN_THE_WINDOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
@@ -62,7 +63,17 @@ FAINT = """
 
 # The graph is a made-up robot's, with one connection that is missing.
 LINKS = a_robot.rows(broken=(("/merger", "/amcl"),))
-RECORDED = replace(read(Status, yaml.safe_load((HERE / "fleet.yml").read_text("utf-8"))), links=tuple(LINKS))
+ROWS = read(Status, yaml.safe_load((HERE / "fleet.yml").read_text("utf-8")))
+APPS = tuple(
+    replace(row, name=name, images=("lab/apps:1.0",)) for row in ROWS.masters for name in sorted(LOCAL + REMOTE)
+)
+AT_THE_EDGE = {"placement": "remote", "nodes": ("edge1",), "ready": 1, "note": ""}
+RECORDED = replace(
+    ROWS,
+    links=tuple(LINKS),
+    helpers=tuple(replace(row, name="ros-keeper") for row in ROWS.masters),
+    apps=tuple(replace(row, **AT_THE_EDGE) if row.name in REMOTE else row for row in APPS),
+)
 # What somebody would write who wants the page to run or to burst.
 HOSTILE = f"<script>console.log('run')</script><img src=http://example.org/x.png onerror=alert(1)>\"'{UNBROKEN}"
 
