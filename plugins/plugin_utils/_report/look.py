@@ -171,8 +171,7 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
 
 def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Trouble]:
     """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
-    servers = {server for host in hosts for server in host.part.servers}
-    by_cluster = {host.part.cluster: host.name for host in hosts if host.name in servers}
+    by_cluster = {host.part.cluster: host.name for host in hosts if host.part.role == "server"}
     look = "ansible {} -b -a 'systemctl status k3s'"
     return [
         Trouble(f"cluster {name}", f"does not answer: {why}", look.format(by_cluster.get(name, name)), cluster=name)
