@@ -71,7 +71,7 @@ def shown(item: dict[str, Any]) -> dict[str, Any]:
     if kind in ("Deployment", "DaemonSet") and name != WHOLE:
         notes = {**metadata.pop("annotations"), **template["metadata"]["annotations"]}
         strategy = {key: value for key, value in body["spec"].items() if key.lower().endswith("strategy")}
-        body = {"hashes": [notes[key] for key in HASHES], **strategy}
+        body = {"hashes": " ".join(notes[key][:12] for key in HASHES), **strategy}
     if kind == "ConfigMap":
         body["data"] = {file: TEMPLATE if file in OF_TEMPLATES else text for file, text in item["data"].items()}
     place = "/".join(filter(None, (metadata.pop("namespace", ""), metadata.pop("name"))))
