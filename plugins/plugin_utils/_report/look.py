@@ -40,7 +40,7 @@ KINDS = {
     "Service": "",
     "StorageClass": "",
 }
-MAPS = (REF.name, EVENTS_NAME)  # ConfigMaps; all of them together are megabytes
+MAPS = {REF.name: REF.namespace, EVENTS_NAME: ""}  # ConfigMaps, and where; all of them together are megabytes
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
 _USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
@@ -115,7 +115,7 @@ def _read(kube: Kube) -> Answer:
     try:
         for kind, labels in KINDS.items():
             answer.objects[kind] = kube.objects(kind, labels=labels)
-        maps = (kube.objects("ConfigMap", fields=f"metadata.name={name}") for name in MAPS)
+        maps = (kube.objects("ConfigMap", where, fields=f"metadata.name={name}") for name, where in MAPS.items())
         answer.objects["ConfigMap"] = [*chain.from_iterable(maps)]
     except KubeError as error:
         answer.problem = str(error)
