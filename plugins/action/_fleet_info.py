@@ -25,6 +25,7 @@ from ..plugin_utils._images.node import node_images
 from ..plugin_utils._kube.running import Known, outdated
 from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
+from ..plugin_utils._model.keys import plain
 from ..plugin_utils._report import look
 from ..plugin_utils._report.held import cluster_rows, outdated_rows
 
@@ -64,14 +65,9 @@ class ActionModule(ClusterAction):
         services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
         old = outdated_rows(outdated(pods, _known(fleet, variables, params["images"])))
         problems = (*look.cluster_problems(mute, hosts), *look.unmeasured(results), *old)
-        seen = look.Look(
-            replace(found, hosts=tuple(host.row for host in hosts), problems=problems),
-            look.graphs_to_read(hosts, services, found.apps),
-            look.promised_rates(hosts),
-            tuple(run for answer in answers.values() for run in answer.runs),
-            fleet.name,
-        )
-        return {"changed": False, **seen.as_dict()}
+        status = replace(found, hosts=tuple(host.row for host in hosts), problems=problems)
+        seen = look.Look(status, look.graphs_to_read(hosts, services, found.apps), fleet.name)
+        return {"changed": False, **plain(seen)}
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:

@@ -16,6 +16,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action import voice
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._model import names
+from ..plugin_utils._model.keys import read
 from ..plugin_utils._report.files import placed, text_of, write
 from ..plugin_utils._report.look import Asked, Look, status_of
 from ..plugin_utils._report.page import status_page
@@ -37,12 +38,14 @@ class ActionModule(FleetAction):
     }
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        look = Look.from_dict(params["fleet"])
+        look = read(Look, params["fleet"])
         results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
-        read = {host: one["graph"] for host, one in results.items() if "graph" in one}
-        graphs = {look.graphs[host].robot: Reading.from_dict(found) for host, found in read.items()}
-        problems = graph_problems(results, look.graphs)
-        status = status_of(look, graphs, problems)
+        graphs = {
+            look.graphs[host].robot: Reading.from_dict(one["graph"], look.graphs[host].promised)
+            for host, one in results.items()
+            if "graph" in one
+        }
+        status = status_of(look.status, graphs, graph_problems(results, look.graphs))
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         tables = status_text(status) if display.verbosity else f"{TABLES}\n"
         text = f"{summary_text(status, now, look.name)}\n{tables}"

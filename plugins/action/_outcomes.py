@@ -82,7 +82,7 @@ def _runs(known: Variables, hosts: Iterable[str]) -> Iterator[HostRun]:
     for host in hosts:
         run = (noted.here if host in here else noted.lost).get(host)
         outcome = _told(known["hostvars"][host]) if host in here else LEFT
-        yield run or HostRun(host, noted.playbook, noted.started, outcome)
+        yield HostRun.from_dict(run) if run else HostRun(host, noted.playbook, noted.started, outcome)
 
 
 def _told(variables: Variables) -> RobotOutcome:

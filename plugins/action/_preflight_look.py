@@ -13,8 +13,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._model.machines import too_old
-from ..plugin_utils._preflight.findings import clock_offset
-from ..plugin_utils._preflight.requirements import PART, look, server_addresses
+from ..plugin_utils._preflight.findings import PART, clock_offset, look, server_addresses
 
 
 class ActionModule(FleetAction):

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._preflight.findings import ERROR, judge, report
-from ..plugin_utils._preflight.requirements import PART, requirements, server_addresses
+from ..plugin_utils._preflight.findings import ERROR, PART, judge, report, requirements, server_addresses
 
 
 class ActionModule(FleetAction):

@@ -19,17 +19,10 @@ from typing import Any
 HOW_TO_INSTALL = "no Chromium on this machine; on Debian: apt-get install chromium"
 SECONDS = 60.0
 # The browser itself must ask nobody for anything, so that what is asked for is the page's doing.
+DISABLED = ("gpu", "dev-shm-usage", "background-networking", "component-update", "extensions", "sync")
 OPTIONS = [
-    "--headless=new",
-    "--remote-debugging-pipe",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-extensions",
-    "--disable-sync",
-    "--no-first-run",
-    "--no-default-browser-check",
+    *("--headless=new", "--remote-debugging-pipe", "--no-first-run", "--no-default-browser-check"),
+    *(f"--disable-{part}" for part in DISABLED),
     "--host-resolver-rules=MAP * ~NOTFOUND",
 ]
 

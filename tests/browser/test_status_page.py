@@ -7,21 +7,23 @@ of one of update.yml. What robot2 shows when it is off was put in by hand. Scree
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import chromium
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.html_check import rewritten
 
 HERE = Path(__file__).resolve().parent
 SHOTS = HERE.parent / "output" / "browser"
 MADE = "2026-11-21T09:07:52Z"
 PHONE, DESK = 360, 1280
+LOCAL, REMOTE = ("add-two-ints", "temperature"), ("add-two-ints-client", "temperature-stats")
 UNBROKEN = "x" * 300  # a name that offers no place to break a line at
 
 WIDER_THAN_THE_WINDOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
@@ -61,58 +63,47 @@ FAINT = """
 
 # The graph is a made-up robot's, with one connection that is missing.
 LINKS = a_robot.rows(broken=(("/merger", "/amcl"),))
+ROWS = read(Status, yaml.safe_load((HERE / "fleet.yml").read_text("utf-8")))
+APPS = tuple(
+    replace(row, name=name, images=("lab/apps:1.0",)) for row in ROWS.masters for name in sorted(LOCAL + REMOTE)
+)
+AT_THE_EDGE = {"placement": "remote", "nodes": ("edge1",), "ready": 1, "note": ""}
+RECORDED = replace(
+    ROWS,
+    links=tuple(LINKS),
+    helpers=tuple(replace(row, name="ros-keeper") for row in ROWS.masters),
+    apps=tuple(replace(row, **AT_THE_EDGE) if row.name in REMOTE else row for row in APPS),
+)
+# What somebody would write who wants the page to run or to burst.
+HOSTILE = f"<script>console.log('run')</script><img src=http://example.org/x.png onerror=alert(1)>\"'{UNBROKEN}"
 
 
-def recorded() -> dict[str, Any]:
-    found: dict[str, Any] = yaml.safe_load((HERE / "fleet.yml").read_text("utf-8"))
-    return {**found, "links": plain(LINKS)}
-
-
-def hostile(value: Any) -> Any:
-    """Every text of the model as somebody would write it who wants the page to run or to burst."""
-    if isinstance(value, str):
-        return f"<script>console.log('run')</script><img src=http://example.org/x.png onerror=alert(1)>\"'{UNBROKEN}"
-    if isinstance(value, list):
-        return [hostile(item) for item in value]
-    return {key: hostile(item) for key, item in value.items()} if isinstance(value, dict) else value
-
-
-def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
+def large(robots: int = 60, topics: int = 12) -> Status:
     """Many robots with many topics, from one a minute to a thousand a second; robot1 has half the rates."""
-    base = recorded()
     names = [f"robot{number}" for number in range(robots)]
-    found = {**base}
-    found["hosts"] = [
-        {**base["hosts"][1], "name": name, "reachable": number % 7 > 0} for number, name in enumerate(names)
-    ]
-    found["apps"] = [{**row, "robot": name, "nodes": [name]} for name in names for row in base["apps"][:5]]
-    found["topics"] = [
-        {
-            **base["topics"][0],
-            "robot": name,
-            "name": f"/camera/{number}/image_raw/compressed",
-            "rate": 0.017 * 2.7**number * rate,
-        }
-        for name, rate in zip(names, [1.0, 0.5, *[0.98, 1.02] * robots])
-        for number in range(topics)
-    ]
-    found["links"] = [{**row, "robot": name} for name in names for row in base["links"]]
-    found["steps"] = [{**row, "robot": name} for name in names for row in base["steps"]]
-    return found
+    factors = dict(zip(names, [1.0, 0.5, *[0.98, 1.02] * robots]))
+    host, topic = RECORDED.hosts[1], RECORDED.topics[0]
+    return replace(
+        RECORDED,
+        hosts=tuple(replace(host, name=name, reachable=number % 7 > 0) for number, name in enumerate(names)),
+        apps=tuple(replace(row, robot=name, nodes=(name,)) for name in names for row in RECORDED.apps[:5]),
+        topics=tuple(
+            replace(topic, robot=name, name=f"/camera/{number}/image_raw/compressed", rate=0.017 * 2.7**number * factor)
+            for name, factor in factors.items()
+            for number in range(topics)
+        ),
+        links=tuple(replace(row, robot=name) for name in names for row in RECORDED.links),
+        steps=tuple(replace(row, robot=name) for name in names for row in RECORDED.steps),
+    )
 
 
-MODELS = {
-    "fleet": recorded,
-    "empty": dict,
-    "hostile": lambda: {key: hostile(rows) for key, rows in recorded().items()},
-    "large": large,
-}
+MODELS = {"fleet": RECORDED, "empty": Status(), "hostile": rewritten(RECORDED, HOSTILE), "large": large()}
 
 
 def written(name: str) -> Path:
     SHOTS.mkdir(parents=True, exist_ok=True)
     file = SHOTS / f"{name}.html"
-    file.write_text(status_page(read(Status, MODELS[name]()), MADE), encoding="utf-8")
+    file.write_text(status_page(MODELS[name], MADE), encoding="utf-8")
     return file
 
 

@@ -23,8 +23,8 @@ class Numbers(NamedTuple):
 def numbers(lines: Iterable[str]) -> dict[str, Numbers]:
     """Run -> what came of its numbers.
 
-    >>> numbers(["run=1.5 number=3", "run=1.5 number=4", "run=1.5 number=4", "run=1.5 number=7", "other"])
-    {'1.5': Numbers(first=3, last=7, missing=2, twice=1)}
+    >>> numbers([*(f"run=1.5 number={number}" for number in (3, 4, 4, 7)), "run=2.5 number=1", "other"])
+    {'1.5': Numbers(first=3, last=7, missing=2, twice=1), '2.5': Numbers(first=1, last=1, missing=0, twice=0)}
     """
     runs: dict[str, list[int]] = {}
     for line in lines:
@@ -51,8 +51,10 @@ class Hole(NamedTuple):
 def holes(times: Sequence[float], interval: float, begin: float, end: float) -> list[Hole]:
     """Where two samples are more than one and a half intervals apart, the ends of the time counted as samples.
 
-    >>> holes([10, 20, 30, 60], 10, 5, 65)
-    [Hole(begin=30, end=60)]
+    >>> holes([10, 20, 30, 60], 10, 5, 80), holes([], 10, 0, 50)
+    ([Hole(begin=30, end=60), Hole(begin=60, end=80)], [Hole(begin=0, end=50)])
+    >>> holes([10, 20, 30, 40], 10, 10, 45)
+    []
     """
     marks = [begin, *(time for time in sorted(times) if begin <= time <= end), end]
     pairs = itertools.pairwise(marks)
@@ -62,8 +64,8 @@ def holes(times: Sequence[float], interval: float, begin: float, end: float) -> 
 def missed(found: Iterable[Hole], interval: float) -> int:
     """How many samples the holes would have held.
 
-    >>> missed([Hole(30, 60)], 10)
-    2
+    >>> missed([Hole(30, 60), Hole(70, 100)], 10), missed([], 10)
+    (4, 0)
     """
     return sum(max(0, round(hole.seconds / interval) - 1) for hole in found)
 

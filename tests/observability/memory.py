@@ -66,22 +66,12 @@ def parse(text: str, pods: Iterable[Any]) -> list[Held]:
         if pod is not None:
             labels = pod.metadata.labels or {}
             app = labels.get("rosops.fleet/app", re.sub(r"-[a-z0-9]+(-[a-z0-9]{5})?$", "", pod.metadata.name))
-            found.append(
-                Held(
-                    pod.metadata.namespace,
-                    pod.metadata.name,
-                    app,
-                    int(seen.get("cgroup", 0)),
-                    int(seen["rss"]),
-                    int(seen["own"]),
-                )
-            )
+            bytes_of = (int(seen.get(key, 0)) for key in Held._fields[3:])
+            found.append(Held(pod.metadata.namespace, pod.metadata.name, app, *bytes_of))
     return sorted(found)
 
 
-def table(held: Iterable[Held]) -> list[str]:
+def said(what: str, *sums: int) -> str:
     """For people."""
-    return [
-        f"{one.app:<16} cgroup {one.cgroup / 1e6:6.1f} MB   own {one.own / 1e6:6.1f} MB   RSS {one.rss / 1e6:6.1f} MB"
-        for one in held
-    ]
+    cgroup, rss, own = (size / 1e6 for size in sums)
+    return f"{what:<16} cgroup {cgroup:6.1f} MB   own {own:6.1f} MB   RSS {rss:6.1f} MB"

@@ -13,36 +13,21 @@ from watched import ALONE, EDGE, INTERVAL, MEMBER, ROBOTS, Watched
 from watchers import RefusedError
 
 POD_LABELS = {"robot", "namespace", "app", "pod", "placement"}
+HOST_LABELS = {"node", "placement"}
 # Job -> the labels of its series beside job and instance.
+OF_PODS = dict.fromkeys(("ros-exporter", "apps"), POD_LABELS)
 HUB_JOBS = {
-    "prometheus": POD_LABELS - {"robot"},
-    "loki": POD_LABELS - {"robot"},
-    "node-exporter": {"node", "placement"},
-    "log-shipper": POD_LABELS - {"robot"} | {"node"},
-    "kubelet": {"node", "placement"},
-    "kubelet-probes": {"node", "placement"},
-    "cadvisor": {"node", "placement"},
-    "apiserver": set(),
-    "ros-exporter": POD_LABELS,
-    "apps": POD_LABELS,
+    **dict.fromkeys(("prometheus", "loki"), POD_LABELS - {"robot"}),
+    **dict.fromkeys(("node-exporter", "kubelet", "kubelet-probes", "cadvisor"), HOST_LABELS),
+    **{"log-shipper": POD_LABELS - {"robot"} | {"node"}, "apiserver": set(), **OF_PODS},
 }
 ALONE_JOBS = {
-    "vmagent": POD_LABELS,
-    "node-exporter": {"robot", "node", "placement"},
-    "log-shipper": POD_LABELS | {"node"},
-    "kubelet": {"robot", "node", "placement"},
-    "cadvisor": {"robot", "node", "placement"},
-    "ros-exporter": POD_LABELS,
-    "apps": POD_LABELS,
+    **dict.fromkeys(("node-exporter", "kubelet", "cadvisor"), HOST_LABELS | {"robot"}),
+    **{"vmagent": POD_LABELS, "log-shipper": POD_LABELS | {"node"}, **OF_PODS},
 }
 # What this fleet has, and what it has once it has been at work for a while (see NEEDS).
 THERE = {
-    "log shipper otelcol",
-    "profile robot",
-    "an action",
-    "a service",
-    "a claim",
-    "an app with metrics of its own",
+    *("log shipper otelcol", "profile robot", "an action", "a service", "a claim", "an app with metrics of its own"),
     "a topic that has been known for 4 minutes",
 }
 RAMP = 300.0  # the longest look back that an answer waits for: `offset 3m`, and a minute of it

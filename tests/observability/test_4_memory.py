@@ -17,11 +17,9 @@ STANDALONE_BUDGET = 600 * MB  # without Grafana
 
 def measured(fleet: Watched, what: str, held: list[memory.Held], budget: int) -> None:
     """Say it and hold it against the budget."""
-    cgroup, own, rss = (sum(getattr(one, key) for one in held) for key in ("cgroup", "own", "rss"))
-    fleet.say(
-        *memory.table(held),
-        f"{what}: cgroup {cgroup / MB:.1f} MB, own {own / MB:.1f} MB, RSS {rss / MB:.1f} MB (budget {budget / MB:.0f})",
-    )
+    cgroup, rss, own = (sum(sizes) for sizes in zip(*(one[3:] for one in held)))
+    fleet.say(*(memory.said(*one[2:]) for one in held))
+    fleet.say(f"{memory.said(what, cgroup, rss, own)} (budget {budget / MB:.0f})")
     assert min(one.cgroup for one in held) > 0, "a cgroup that was not read"
     assert max(cgroup, own) <= budget
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import shlex
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -67,13 +66,10 @@ class Watched:
 
     def pods(self, host: str, namespace: str = "", app: str = "") -> list[Any]:
         """Pods of a host's cluster that are not on their way out."""
-        core = self.core(host)
         selector = {"label_selector": f"rosops.fleet/app={app}"} if app else {}
-        found = (
-            core.list_namespaced_pod(namespace, **selector)
-            if namespace
-            else core.list_pod_for_all_namespaces(**selector)
-        )
+        if namespace:
+            selector["field_selector"] = f"metadata.namespace={namespace}"
+        found = self.core(host).list_pod_for_all_namespaces(**selector)
         return [pod for pod in found.items if pod.metadata.deletion_timestamp is None]
 
     def memory(self, host: str) -> list[memory.Held]:
@@ -126,13 +122,15 @@ class Watched:
 
     def wait_firing(self, alert: str, seconds: float, **labels: str) -> float:
         """Until it fires; how long that took."""
-        return self._timed(lambda: bool(self.prometheus.firing(alert, **labels)), seconds, f"{alert} firing")
+        return self._wait(alert, seconds, labels, fires=True)
 
     def wait_clear(self, alert: str, seconds: float, **labels: str) -> float:
         """Until it does not fire any more; how long that took."""
-        return self._timed(lambda: not self.prometheus.firing(alert, **labels), seconds, f"the end of {alert}")
+        return self._wait(alert, seconds, labels, fires=False)
 
-    def _timed(self, look: Callable[[], bool], seconds: float, what: str) -> float:
-        began = time.monotonic()
-        wait_until(look, bool, seconds, what, pause=1)
+    def _wait(self, alert: str, seconds: float, labels: dict[str, str], fires: bool) -> float:
+        began, what = time.monotonic(), f"{alert} firing" if fires else f"the end of {alert}"
+        wait_until(
+            lambda: self.prometheus.firing(alert, **labels), lambda found: bool(found) is fires, seconds, what, 1
+        )
         return time.monotonic() - began

@@ -36,13 +36,6 @@ PATH = r"/var/log/pods/(?P<namespace>[^_/]+)_(?P<pod>[^_/]+)_[^/]+/(?P<container
 Config = dict[str, Any]  # of a program, as that wants it
 
 
-class _Plain(yaml.SafeDumper):
-    """Without anchors."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - PyYAML's signature
-        return True
-
-
 # What stands in `{{ }}` becomes one value, written as JSON, which is YAML, too; what a macro makes stays.
 ENVIRONMENT = Environment(
     loader=FileSystemLoader(Path(__file__).parent),
@@ -87,7 +80,6 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
 
 def yaml_text(value: Config) -> str:
     """A configuration file's text, that people can read: the same bytes for the same value, keys in the order given."""
-    # Ansible's texts carry tags, which a dumper does not know
+    # Ansible's texts carry tags, which a dumper does not know, and what is shared would get an anchor
     plain = json.loads(json.dumps(value))
-    text: str = yaml.dump(plain, Dumper=_Plain, sort_keys=False, width=1000, allow_unicode=True)
-    return text
+    return str(yaml.safe_dump(plain, sort_keys=False, width=1000, allow_unicode=True))

@@ -14,11 +14,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ...module_utils._common.documents import Document
 from ...module_utils._common.errors import SpecError
-from .._model.finding import Problem, shown
+from .._model.finding import Problem, shown, taken
 
 # By the place of the code and not of the play: the role's tasks run inside other roles', too.
 FILES = Path(__file__).resolve().parents[3] / "roles" / "observability" / "files"
@@ -82,12 +82,10 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
     problems = [*unread]
     good: dict[str, Dashboard] = {}
     for path, content in files:
-        page = _read(path, content, problems)
-        if page is not None:
-            found = list(_page_problems(path, page))
-            problems += found
-            if not found:
-                good[path] = _dashboard(page)
+        found = list(_page_problems(path, content))
+        problems += found
+        if not found:
+            good[path] = _dashboard(_page(content))
     problems += _clashes(good)
     if problems:
         lines = "".join(f"\n  {problem.line()}" for problem in problems)
@@ -95,19 +93,19 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
     return list(good.values())
 
 
-def _read(path: str, content: str, problems: list[Problem]) -> Document | None:
+def _page(content: str) -> Any:
+    return json.loads(content.removeprefix("\ufeff"))
+
+
+def _page_problems(path: str, content: str) -> Iterator[Problem]:
     try:
-        page = json.loads(content.removeprefix("\ufeff"))
+        page = _page(content)
     except ValueError as error:
-        problems.append(Problem(path, f"is no JSON ({error})", "a dashboard as Grafana exports it"))
-        return None
+        yield Problem(path, f"is no JSON ({error})", "a dashboard as Grafana exports it")
+        return
     if not isinstance(page, dict):
-        problems.append(Problem(path, f"holds {shown(page)}", "one JSON object"))
-        return None
-    return page
-
-
-def _page_problems(path: str, page: Document) -> Iterator[Problem]:
+        yield Problem(path, f"holds {shown(page)}", "one JSON object")
+        return
     if "uid" not in page and isinstance(page.get("dashboard"), dict):
         yield Problem(path, "is an answer of Grafana's API", "what is under its key `dashboard`")
         return
@@ -147,21 +145,17 @@ def _object_name(uid: str) -> str:
 
 def _clashes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
     """With what a ConfigMap holds, and with one another."""
-    first: dict[tuple[str, str], str] = {}
     for path, dashboard in good.items():
         size = len(f"{dashboard.name}.json") + len(dashboard.json.encode())
         if size > LARGEST:
             yield Problem(path, f"is {size} bytes without its spaces", f"{LARGEST}, all that a ConfigMap holds")
-        same_uid = first.setdefault(("uid", dashboard.uid), path)
-        if same_uid != path:
-            yield Problem(f"{path}: uid", f"'{dashboard.uid}' is the uid of {same_uid}, too", "a uid of its own")
-            continue
-        same_name = first.setdefault(("name", dashboard.name), path)
-        if same_name != path:
-            # they differ in case or in signs that an object's name cannot have
-            problem = f"'{dashboard.uid}' makes the object name {dashboard.name}, which {same_name} has, too"
+    for path, uid, first in taken((path, one.uid) for path, one in good.items()):
+        yield Problem(f"{path}: uid", f"'{uid}' is the uid of {first}, too", "a uid of its own")
+    for path, name, first in taken((path, one.name) for path, one in good.items()):
+        uid = good[path].uid
+        if uid != good[first].uid:  # they differ in case or in signs that an object's name cannot have
+            problem = f"'{uid}' makes the object name {name}, which {first} has, too"
             yield Problem(f"{path}: uid", problem, "a uid that differs in letters or digits")
-        same_title = first.setdefault(("title", dashboard.title.lower()), path)
-        if same_title != path:
-            problem = f"'{dashboard.title}' is the title of {same_title}, too"
-            yield Problem(f"{path}: title", problem, "a title of its own: they lie in one folder")
+    for path, _title, first in taken((path, one.title.lower()) for path, one in good.items()):
+        problem = f"'{good[path].title}' is the title of {first}, too"
+        yield Problem(f"{path}: title", problem, "a title of its own: they lie in one folder")

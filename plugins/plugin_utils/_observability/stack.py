@@ -92,31 +92,28 @@ def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, st
 
 def _parts(spec: Spec, files: Files, admin_version: str) -> dict[str, list[Object]]:
     """The objects of every part, whether it runs or not."""
-    boards = {folder: sorted(files.dashboards.get(folder, ())) for folder in FOLDERS}
-    names = {folder: [_map_name(folder, file) for file in found] for folder, found in boards.items()}
-    pods, configured = config("pods", spec, dashboards=names, admin_version=admin_version), _maps(spec, files)
+    boards = {folder: _boards(folder, files.dashboards.get(folder, {})) for folder in FOLDERS}
+    pods = config("pods", spec, dashboards=boards, admin_version=admin_version)
+    every = {name: data for found in boards.values() for name, data in found.items()}
+    configured = _maps(spec, files.rules, every)
     return {name: list(_objects(name, spec, pods[name], configured.get(name, {}))) for name in runs(spec)}
 
 
-def _maps(spec: Spec, files: Files) -> dict[str, Maps]:
-    """The ConfigMaps of each part. Each dashboard is one of its own, which Grafana reads again by itself."""
+def _boards(folder: str, texts: Mapping[str, str]) -> Maps:
+    """Each dashboard is a ConfigMap of its own, which Grafana reads again by itself."""
+    return {PREFIXES[folder] + file.removesuffix(".json"): {file: text} for file, text in sorted(texts.items())}
+
+
+def _maps(spec: Spec, rules: Mapping[str, str], boards: Maps) -> dict[str, Maps]:
+    """The ConfigMaps of each part."""
     scraped = {"prometheus.yml": yaml_text(config("scrape", spec))}
-    boards = {
-        _map_name(folder, file): {file: text}
-        for folder, found in files.dashboards.items()
-        for file, text in sorted(found.items())
-    }
     return {
-        "prometheus": {"prometheus": scraped, "prometheus-rules": files.rules},
+        "prometheus": {"prometheus": scraped, "prometheus-rules": rules},
         "vmagent": {"vmagent": scraped},
         "loki": {"loki": {"loki.yml": yaml_text(config("loki", spec))}, "loki-rules": {}},
         "log-shipper": {"log-shipper": {"otelcol.yml": yaml_text(config("otelcol", spec))}},
         "grafana": {"grafana": {name: yaml_text(one) for name, one in config("grafana", spec).items()}, **boards},
     }
-
-
-def _map_name(folder: str, file: str) -> str:
-    return PREFIXES[folder] + file.removesuffix(".json")
 
 
 def _claims(spec: Spec) -> dict[str, str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Facts of a host and what is required of it -> findings. Pure: no file, no socket, no clock is touched here.
+"""What a host's part in its cluster makes it need, and by its facts what is wrong with it. Pure: only data is read.
 
 A finding says what is wrong, where that was seen and what to do. An error stops the host, a warning does not.
 """
@@ -7,13 +7,14 @@ A finding says what is wrong, where that was seen and what to do. An error stops
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from ...module_utils._common.documents import Result
+from ...module_utils._common.documents import Arguments, Result, Variables
 from .._model.machines import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT, MACHINES, version
-from .requirements import Requirements
+from .._model.topology import address
 
 ERROR, WARNING = "error", "warning"
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
@@ -35,6 +36,63 @@ ALLOW = {
 }
 WITHOUT = {"vxlan": "flannel cannot connect the pods of different nodes", "ip_set": "NetworkPolicies are not enforced"}
 PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
+API = 6443
+ETCD = (2379, 2380)
+# what k3s takes on its host: API, load balancer of the agent part, etcd, kubelet, flannel's VXLAN
+TAKEN = {
+    "server": (("tcp", API), ("tcp", 6444), *(("tcp", port) for port in ETCD), ("tcp", 10250), ("udp", 8472)),
+    "agent": (("tcp", 6444), ("tcp", 10250), ("udp", 8472)),
+}
+# the options of an action that say a host's part
+PART = {
+    "role": {"type": "str", "choices": [*TAKEN], "required": True},
+    "servers": {"type": "list", "elements": "str", "required": True},
+}
+TIMEOUT = 3.0  # seconds for the answer of a server
+
+
+def server_addresses(servers: Sequence[str], host: str, hostvars: Mapping[str, Variables]) -> list[str]:
+    """Where the cluster's other servers are."""
+    return [address(server, hostvars) for server in servers if server != host]
+
+
+def look(role: str, others: Sequence[str]) -> Arguments:
+    """The arguments of the job `facts`. A server talks to the others' etcd, too; one that is alone has none."""
+    etcd = ETCD if role == "server" else ()
+    return {
+        "ports": [{"port": port, "protocol": protocol} for protocol, port in TAKEN[role] if others or port not in ETCD],
+        "reach": [f"{server}:{port}" for server in others for port in (API, *etcd)],
+        "timeout": TIMEOUT,
+    }
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What findings are measured by. A limit is `{minimum, recommended}`, of the clock `{recommended, maximum}`."""
+
+    role: str
+    node_name: str
+    k3s_version: str
+    interface: str
+    systems: Sequence[str]
+    memory_mb: Mapping[str, float]
+    disk_mb: Mapping[str, float]
+    disk_percent: Mapping[str, float]
+    clock_offset: Mapping[str, float]  # s
+    server_urls: Sequence[str]
+
+
+def requirements(part: Arguments, variables: Variables, others: Sequence[str]) -> Requirements:
+    """Of a host; `part` are role, node_name, k3s_version and interface, `others` the addresses of the other servers."""
+    return Requirements(
+        **{key: part[key] for key in ("role", "node_name", "k3s_version", "interface")},
+        **{key: variables[f"preflight_{key}"] for key in ("systems", "disk_mb", "disk_percent", "clock_offset")},
+        memory_mb=variables[f"preflight_{part['role']}_memory_mb"],
+        server_urls=[f"https://{server}:{API}" for server in others],
+    )
+
+
+# ---- what is wrong
 
 
 class Finding(NamedTuple):

@@ -6,9 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from .._model.outcomes import OFFLINE
 from . import rows
-from .glance import BAD, WARN, hosts_away, is_unknown, level
+from .glance import BAD, WARN, hosts_away, is_unknown, level, places
 from .rows import Row, Status, Told, some
 
 RUNBOOKS = "https://github.com/rosops/fleet/blob/main/docs/runbooks"  # as in the alerts' rules
@@ -26,9 +25,18 @@ class Finding:
     """`followers` are the rows, with their sections, of which this finding is the cause; `takes` says it in words."""
 
     level: str
-    section: str
-    told: Told
+    row: Row
     followers: list[tuple[str, Row]] = field(default_factory=list)
+
+    @property
+    def told(self) -> Told:
+        """A host that is off says nothing itself: its node's last word counts, or the run that missed it."""
+        if not isinstance(self.row, rows.Host):
+            return self.row.told()
+        followers = [row for _section, row in self.followers]
+        times = [row.since for row in followers if isinstance(row, rows.Node)]
+        times += [row.started for row in followers if isinstance(row, rows.LastRun)]
+        return replace(self.row.told(), since=next(filter(None, times), ""))
 
     @property
     def link(self) -> str:
@@ -51,15 +59,13 @@ def attention(status: Status) -> list[Finding]:
         if level(row) not in (WARN, BAD) and not is_unknown(row, away):
             continue
         cause = next((causes[key] for key in _causes(row, status) if key in causes), None)
-        if cause is not None:
+        if cause:
             cause.followers.append((section, row))
-            # what depends on this row has the same cause, and must find it
-            causes.update(dict.fromkeys(_keys(row), cause))
-            continue
-        finding = Finding(level(row), section, row.told())
-        causes.update({key: finding for key in _keys(row) if key not in causes})
-        found.append(finding)
-    return sorted(map(_dated, found), key=lambda one: one.level != BAD)
+        else:
+            found.append(Finding(level(row), row))
+        for key in _keys(row):  # what depends on this row has the same cause, and must find it
+            causes.setdefault(key, cause or found[-1])
+    return sorted(found, key=lambda one: one.level != BAD)
 
 
 def _keys(row: Row) -> list[Key]:
@@ -77,41 +83,24 @@ def _keys(row: Row) -> list[Key]:
 def _causes(row: Row, status: Status) -> Iterator[Key]:
     """What may be the cause of a row, the first one first."""
     match row:
-        case rows.Node():
-            yield "host", row.name
-        case rows.Workload(nodes=(node,)):
-            yield "host", node
         case rows.RosNode():
             yield "app", f"{row.robot}/{row.app}"
             yield "graph", row.robot
-            yield "host", row.at or row.robot
         case rows.Topic():
             if row.promised:
                 yield "app", f"{row.promised.robot}/{row.promised.app}"
             yield "graph", row.robot
-        case rows.Claim():
-            yield "host", row.robot
-        case rows.LastRun(outcome=outcome) if outcome == OFFLINE:
-            yield "host", row.host
         case rows.Trouble():
             if row.cluster and _servers_away(row.cluster, status):
                 yield "cluster", row.cluster
             if row.graph:
                 yield "graph", row.graph
+    if len(places(row)) == 1:
+        yield "host", places(row)[0]
 
 
 def _servers_away(cluster: str, status: Status) -> bool:
     return not any(row.reachable for row in status.hosts if (row.cluster, row.role) == (cluster, "server"))
-
-
-def _dated(finding: Finding) -> Finding:
-    """A host that is off says nothing itself: its node's last word counts, or the run that missed it."""
-    if finding.section != "hosts" or finding.told.since:
-        return finding
-    followers = [row for _section, row in finding.followers]
-    times = [row.since for row in followers if isinstance(row, rows.Node)]
-    times += [row.started for row in followers if isinstance(row, rows.LastRun)]
-    return replace(finding, told=replace(finding.told, since=next(filter(None, times), "")))
 
 
 # ---- in words

@@ -73,17 +73,24 @@ def is_unknown(row: Row, away: Collection[str]) -> bool:
     return isinstance(row, (rows.Node, rows.Workload)) and _level(row) == BAD and _is_on(row, away)
 
 
-def _is_on(row: Row, hosts: Collection[str]) -> bool:
-    """Whether these hosts' being off explains what is wrong with it."""
-    places: Sequence[str] = ()
+def places(row: Row) -> Sequence[str]:
+    """The hosts whose being off explains what is wrong with it."""
     match row:
         case rows.Node():
-            places = (row.name,)
+            return (row.name,)
         case rows.Workload():
-            places = row.nodes
-        case rows.RosNode() | rows.Claim():
-            places = (row.robot,)
-    return bool(places) and all(place in hosts for place in places)
+            return row.nodes
+        case rows.RosNode():
+            return (row.at or row.robot,)
+        case rows.Claim():
+            return (row.robot,)
+        case rows.LastRun(outcome=outcome) if outcome == OFFLINE:
+            return (row.host,)
+    return ()
+
+
+def _is_on(row: Row, hosts: Collection[str]) -> bool:
+    return bool(places(row)) and all(place in hosts for place in places(row))
 
 
 def _whose(row: Row) -> str:
@@ -115,45 +122,31 @@ _COUNTED = {
 
 @dataclass(frozen=True)
 class Count:
-    """How many of a kind are in order. `unknown` are those that nobody can tell of, `of` whose they are.
-
-    `untold` are hosts of which not even the number is known: no total has them.
-    """
+    """How many of a kind are in order: `5 of 7 up, 2 unknown (robot2)`. Unknown never looks as if it were in order."""
 
     section: str
-    word: str
-    good: int
-    total: int
-    unknown: int = 0
-    of: tuple[str, ...] = ()
-    untold: tuple[str, ...] = ()
-    level: str = OK
-
-    @property
-    def words(self) -> str:
-        """`5 of 7 up, 2 unknown (robot2)`: what is not known never looks as if it were in order."""
-        bad = self.total - self.good - self.unknown
-        parts = [f"{self.good} of {self.total} {self.word}"] if self.total else []
-        parts += [f"{bad} not"] if bad else []
-        parts += [f"{self.unknown} unknown ({some(self.of)})"] if self.unknown else []
-        parts += [f"{some(self.untold)} unknown"] if self.untold else []
-        return ", ".join(parts)
+    words: str
+    level: str
 
 
 def counts(status: Status) -> list[Count]:
     """Of everything of which there is something, or may be."""
     found = [_count(section, word, status) for section, word in _COUNTED.items()]
-    return [count for count in found if count.total or count.untold]
+    return [count for count in found if count.words]
 
 
 def _count(section: str, word: str, status: Status) -> Count:
     found, off, away = status.rows(section), hosts_off(status), hosts_away(status)
     levels = [level(row, off) for row in found]
     unknown = [row for row in found if is_unknown(row, away)]
-    of = tuple(sorted(set(map(_whose, unknown))))
-    untold = tuple(sorted(_untold(section, status, away)))
-    worst = _worst(levels, WARN if unknown or untold else OK)
-    return Count(section, word, levels.count(OK), len(found), len(unknown), of, untold, worst)
+    untold = sorted(_untold(section, status, away))  # not even their number is known, so that no total has them
+    good = levels.count(OK)
+    bad = len(found) - good - len(unknown)
+    parts = [f"{good} of {len(found)} {word}"] if found else []
+    parts += [f"{bad} not"] if bad else []
+    parts += [f"{len(unknown)} unknown ({some(sorted(set(map(_whose, unknown))))})"] if unknown else []
+    parts += [f"{some(untold)} unknown"] if untold else []
+    return Count(section, ", ".join(parts), _worst(levels, WARN if unknown or untold else OK))
 
 
 def _worst(levels: Collection[str], else_: str = OK) -> str:

@@ -20,6 +20,7 @@ from .._kube.running import TODO, Outdated
 from .._kube.verdicts import judge
 from .._model import names
 from . import rows
+from .kept import last_runs, last_steps
 from .rows import HELPERS, SHARED, Status, Trouble, logs_of
 
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
@@ -41,6 +42,7 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
 
     nodes = sorted(map(_node, all_of("Node")), key=attrgetter("name"))
     deployments, pods = all_of("Deployment"), all_of("Pod")
+    maps = all_of("ConfigMap")
     ours = [one for one in deployments if labels_of(one).get("app.kubernetes.io/managed-by") == names.MANAGER]
     workloads = sorted((_workload(one, _pods_of(one, pods), now) for one in ours), key=_place)
     return Status(
@@ -51,6 +53,8 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
         apps=tuple(one for one in workloads if not one.is_master and one.name not in HELPERS),
         went_back=tuple(sorted(chain(*map(_went_back, deployments)), key=_place)),
         claims=tuple(sorted(chain(*(_claims(objects, usage) for objects in clusters)), key=_place)),
+        outcomes=tuple(last_runs(maps)),
+        steps=tuple(last_steps(maps)),
     )
 
 

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run made of a host, wherever that is kept: in the hosts' clusters, in the run's own note."""
+"""What a run made of a host, and the run's own note of that. The hosts' clusters keep it, too: `kept`."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ansible import constants as C  # noqa: N812 - its customary name
 
 from ...module_utils._common.documents import Data, Document
-from .._model.keys import plain
-from .._update.outcome import RobotOutcome, StepResult
+from .._model.keys import plain, read
+from .._update.outcome import RobotOutcome
 from .files import text_of, write
-from .rows import LastRun, Step
 
 NOTE = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
 SPOILT = (ValueError, KeyError, TypeError, AttributeError)  # what somebody changed by hand, as it is read
@@ -30,10 +29,6 @@ class HostRun:
     outcome: RobotOutcome
     changed: int = 0
     failed_task: str = ""
-
-    @property
-    def note(self) -> str:
-        return note_of(self.outcome.reason, self.failed_task)
 
     def as_dict(self) -> Data:
         """As the cluster and the note have it."""
@@ -55,61 +50,20 @@ def note_of(reason: str, failed_task: str) -> str:
 
 @dataclass(frozen=True)
 class Noted:
-    """What is known of a run at hand: what became of each host if it is still here, and if the run has lost it."""
+    """What is known of a run at hand: what became of each host if it is still here, and if the run has lost it, as
+    `HostRun.as_dict` has it."""
 
     playbook: str = ""
     started: str = ""
-    here: Mapping[str, HostRun] = field(default_factory=dict)
-    lost: Mapping[str, HostRun] = field(default_factory=dict)
-
-    def as_dict(self) -> Data:
-        sides = {"here": self.here, "lost": self.lost}
-        hosts = {side: [run.as_dict() for run in runs.values()] for side, runs in sides.items()}
-        return {"playbook": self.playbook, "started": self.started, **hosts}
-
-    @classmethod
-    def from_dict(cls, told: Document) -> Noted:
-        here, lost = (
-            {run.host: run for run in map(HostRun.from_dict, told.get(side) or ())} for side in ("here", "lost")
-        )
-        return cls(str(told.get("playbook") or ""), str(told.get("started") or ""), here, lost)
+    here: Mapping[str, Data] = field(default_factory=dict)
+    lost: Mapping[str, Data] = field(default_factory=dict)
 
 
 def note_run(found: Noted) -> None:
     """Write down what is known of this run so far, for the tasks that come."""
-    write(Path(C.DEFAULT_LOCAL_TMP) / NOTE, json.dumps(found.as_dict()))
+    write(Path(C.DEFAULT_LOCAL_TMP) / NOTE, json.dumps(plain(found)))
 
 
 def noted_run() -> Noted:
     """What was written down of this run; nothing where nobody does."""
-    return Noted.from_dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / NOTE) or "{}"))
-
-
-def outcome_rows(runs: Iterable[HostRun]) -> list[LastRun]:
-    """What the newest run that had the host made of it. Of a robot's steps alone nobody knows that."""
-    return [
-        LastRun(run.host, run.outcome.outcome, run.playbook, run.started, run.changed, run.note)
-        for run in _newest(runs, lambda run: bool(run.outcome.outcome))
-    ]
-
-
-def step_rows(runs: Iterable[HostRun]) -> list[Step]:
-    """The steps of each robot's newest run that had any, in their order."""
-    newest = _newest(runs, lambda run: bool(run.outcome.steps))
-    return [_step(run.host, step) for run in newest for step in run.outcome.steps]
-
-
-def _newest(runs: Iterable[HostRun], counts: Callable[[HostRun], bool]) -> list[HostRun]:
-    """The newest one of each host, by host; of those that began together the last one."""
-    newest = {run.host: run for run in sorted(runs, key=lambda run: run.started) if counts(run)}
-    return [newest[host] for host in sorted(newest)]
-
-
-def _step(robot: str, step: StepResult) -> Step:
-    before, after = (
-        tuple(f"{version.get('image', '')} ({version.get('revision', '')})" for version in apps.values())
-        for apps in (step.before, step.after)
-    )
-    wait, seconds = step.phases.get("wait", 0.0), round(sum(step.phases.values()), 3)
-    own = (step.name, step.id, step.handoff, step.outcome)
-    return Step(robot, *own, before, after, seconds, wait, step.phases, step.reason)
+    return read(Noted, json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / NOTE) or "{}"))

@@ -11,17 +11,21 @@ import contextlib
 import json
 import time
 from collections.abc import Iterable, Sequence
+from itertools import chain
+from operator import attrgetter
 
 from ...module_utils._common.errors import KubeError
-from ...module_utils._step.objects import Object, labels_of
+from ...module_utils._step.objects import Object, labels_of, name_of
 from ...module_utils._step.update_record import RUNNING, WAITING
 from .._kube.cache import Ref
 from .._kube.client import Kube
 from .._kube.connection import ApiError
+from .._kube.pods import meta
 from .._model import names
 from .._objects.common import config_map, owner_labels
-from .._update.outcome import Event, RobotOutcome, StepResult, known_events
-from .host_run import SPOILT, HostRun, noted_run
+from .._update.outcome import Event, RobotOutcome, known_events
+from .host_run import SPOILT, HostRun, note_of, noted_run
+from .rows import LastRun, Step
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
 REASON_KEPT = 500  # a ConfigMap holds 1 MiB, and a fleet has many hosts
@@ -53,43 +57,52 @@ def keep_early(kube: Kube, host: str, outcome: str, reason: str, changed: bool) 
         keep(kube.within(PATIENCE), [found])
 
 
-def kept_runs(found: Object | None) -> list[HostRun]:
-    """The last run of each host; what somebody spoilt is left out."""
+def last_runs(maps: Iterable[Object]) -> list[LastRun]:
+    """What the newest run that had the host made of it, by host; what somebody spoilt is left out.
+
+    A host that went to another cluster is kept in both; of runs that began together the last one counts.
+    """
     runs = []
-    for text in ((found or {}).get("data") or {}).values():
-        try:
+    kept = (one for one in maps if (meta(one).get("namespace"), name_of(one)) == (REF.namespace, REF.name))
+    for text in chain(*((one.get("data") or {}).values() for one in kept)):
+        with contextlib.suppress(*SPOILT):
             runs.append(HostRun.from_dict(json.loads(text)))
-        except SPOILT:
-            continue
-    return runs
+    newest = {run.host: run for run in sorted(runs, key=attrgetter("started")) if run.outcome.outcome}
+    rows = []
+    for host, run in sorted(newest.items()):
+        note = note_of(run.outcome.reason, run.failed_task)
+        rows.append(LastRun(host, run.outcome.outcome, run.playbook, run.started, run.changed, note))
+    return rows
 
 
-def kept_steps(maps: Sequence[Object]) -> list[HostRun]:
-    """The latest step of each app, as a run without an outcome; what somebody spoilt is left out."""
-    runs = []
-    for item in maps:
-        robot = str(labels_of(item).get(names.LABEL_ROBOT) or "")
-        events = sorted(known_events([item], robot), key=_started)
-        try:
-            steps = tuple(_step(events, name) for name in dict.fromkeys(event.get("id") for event in events))
-        except SPOILT:
-            continue
-        if steps:
-            runs.append(HostRun(robot, "", _utc(_started(events[-1])), RobotOutcome("", steps=steps)))
-    return runs
+def last_steps(maps: Iterable[Object]) -> list[Step]:
+    """The latest step of each app, a robot's in their order; what somebody spoilt is left out.
+
+    Of a robot that went to another cluster the later record counts.
+    """
+    robots = ((str(labels_of(one).get(names.LABEL_ROBOT) or ""), one) for one in maps)
+    records = ((robot, sorted(known_events([one], robot), key=_started)) for robot, one in robots)
+    newest = dict(sorted((record for record in records if record[1]), key=lambda record: _started(record[1][-1])))
+    steps = []
+    for robot, events in sorted(newest.items()):
+        with contextlib.suppress(*SPOILT):
+            steps += [_step(robot, events, name) for name in dict.fromkeys(event.get("id") for event in events)]
+    return steps
 
 
-def _step(events: Sequence[Event], name: object) -> StepResult:
-    """Of the step of this id; each event is of one of its apps."""
+def _step(robot: str, events: Sequence[Event], name: object) -> Step:
+    """The step of this id; each event is of one of its apps."""
     own = [event for event in events if event.get("id") == name]
     begun = [event for event in own if event.get("outcome") in (RUNNING, WAITING)]
-    sides = {
-        side: {one["app"]: {"image": one.get(f"{side}_image"), "revision": one[side]} for one in own if one.get(side)}
+    before, after = (
+        tuple(f"{one.get(f'{side}_image') or ''} ({one[side]})" for one in own if one.get(side))
         for side in ("from", "to")
-    }
-    reason = {"reason": f"begun {_utc(_started(begun[-1]))}"} if begun else {}
-    apps = [event["app"] for event in own]
-    return StepResult.from_dict({**own[0], "name": own[0].get("step"), "apps": apps, **sides, **reason})
+    )
+    told, phases = own[0], {key: float(seconds) for key, seconds in (own[0].get("phases") or {}).items()}
+    title, handoff, outcome, reason = (str(told.get(key) or "") for key in ("step", "handoff", "outcome", "reason"))
+    note = f"begun {_utc(_started(begun[-1]))}" if begun else reason
+    seconds, wait = round(sum(phases.values()), 3), phases.get("wait", 0.0)
+    return Step(robot, title, str(name or ""), handoff, outcome, before, after, seconds, wait, phases, note)
 
 
 def _started(event: Event) -> float:

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
-from ...module_utils._common.documents import Data, Document
 from ...module_utils._common.errors import FleetError, KubeError
 from ...module_utils._step.objects import Object, name_of
 from .._kube.client import Kube
@@ -20,13 +20,11 @@ from .._kube.pods import meta
 from .._model import names
 from .._model.context import Robot, master_namespace
 from .._model.fleet import Fleet
-from .._model.keys import plain, read
 from .._model.topology import ClusterPart
 from .._objects.pod_settings import promised
 from .._update.outcome import EVENTS_NAME
-from . import held, host_run, ros_graph, rows
-from .host_run import HostRun
-from .kept import REF, kept_runs, kept_steps
+from . import held, ros_graph, rows
+from .kept import REF
 from .results import Result, message_of
 from .ros_graph import Graphs, apps_of
 from .rows import SHARED, Promise, Status, Trouble, Workload
@@ -42,6 +40,7 @@ KINDS = {
     "Service": "",
     "StorageClass": "",
 }
+MAPS = {REF.name: REF.namespace, EVENTS_NAME: ""}  # ConfigMaps, and where; all of them together are megabytes
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
 _USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
@@ -49,57 +48,33 @@ _USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
 
 @dataclass(frozen=True)
 class Asked:
-    """Whose graph a robot reads, at which master, and the addresses of the pods that may be in it."""
+    """Whose graph a robot reads, at which master, the addresses of the pods that may be in it, and what is promised."""
 
     robot: str
     master_uri: str = ""
     addresses: tuple[str, ...] = ()
+    promised: ros_graph.Promises = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Look:
-    """What the clusters said: sections of the status, which robots are to read which graphs, and the last runs."""
+    """What the clusters said: sections of the status, and which robots are to read which graphs."""
 
     status: Status
     graphs: Mapping[str, Asked] = field(default_factory=dict)
-    promised: ros_graph.Promises = field(default_factory=dict)
-    runs: tuple[HostRun, ...] = ()
     name: str = ""
 
-    def as_dict(self) -> Data:
-        """For the tasks between: the sections beside the rest."""
-        runs = [run.as_dict() for run in self.runs]
-        more = {"graphs": plain(self.graphs), "promised": plain(self.promised), "name": self.name, "runs": runs}
-        return {**plain(self.status), **more}
 
-    @classmethod
-    def from_dict(cls, told: Document) -> Look:
-        """What `as_dict` made of it."""
-        runs = tuple(map(HostRun.from_dict, told.get("runs") or ()))
-        return replace(read(cls, {**told, "status": told, "runs": ()}), runs=runs)
-
-
-def status_of(look: Look, graphs: Graphs, more: Iterable[Trouble] = ()) -> Status:
-    """All sections, with the ROS graphs by robot, and more problems.
-
-    Nothing is promised by apps that are not there yet.
-    """
-    seen = look.status
-    there = {(row.robot, row.name) for row in seen.workloads}
-    kept = {
-        graph: {topic: one for topic, one in topics.items() if (one.robot, one.app) in there}
-        for graph, topics in look.promised.items()
-    }
+def status_of(seen: Status, graphs: Graphs, more: Iterable[Trouble] = ()) -> Status:
+    """All sections, with the ROS graphs by robot, and more problems."""
     crashes, ended = ros_graph.launched_rows(seen.apps, graphs)
     return replace(
         seen,
         problems=(*seen.problems, *more, *held.ending_rows(seen.workloads), *crashes),
         ended=tuple(ended),
         ros_nodes=tuple(ros_graph.node_rows(graphs, seen.workloads, seen.nodes)),
-        topics=tuple(ros_graph.topic_rows(graphs, kept)),
+        topics=tuple(ros_graph.topic_rows(graphs)),
         links=tuple(ros_graph.links(graphs)),
-        outcomes=tuple(host_run.outcome_rows(look.runs)),
-        steps=tuple(host_run.step_rows(look.runs)),
     )
 
 
@@ -108,12 +83,10 @@ def status_of(look: Look, graphs: Graphs, more: Iterable[Trouble] = ()) -> Statu
 
 @dataclass
 class Answer:
-    """The objects of a cluster by kind, why there are no more of them (empty: these are all), and the last runs that it
-    keeps."""
+    """The objects of a cluster by kind, and why there are no more of them (empty: these are all)."""
 
     objects: dict[str, list[Object]] = field(default_factory=dict)
     problem: str = ""
-    runs: list[HostRun] = field(default_factory=list)
 
 
 def ask(opened: Mapping[str, Callable[[], Kube]], seconds: float = SECONDS) -> dict[str, Answer]:
@@ -142,8 +115,8 @@ def _read(kube: Kube) -> Answer:
     try:
         for kind, labels in KINDS.items():
             answer.objects[kind] = kube.objects(kind, labels=labels)
-        answer.runs += kept_runs(kube.get(REF))
-        answer.runs += kept_steps(kube.objects("ConfigMap", fields=f"metadata.name={EVENTS_NAME}"))
+        maps = (kube.objects("ConfigMap", where, fields=f"metadata.name={name}") for name, where in MAPS.items())
+        answer.objects["ConfigMap"] = [*chain.from_iterable(maps)]
     except KubeError as error:
         answer.problem = str(error)
     return answer
@@ -198,8 +171,7 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
 
 def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Trouble]:
     """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
-    servers = {server for host in hosts for server in host.part.servers}
-    by_cluster = {host.part.cluster: host.name for host in hosts if host.name in servers}
+    by_cluster = {host.part.cluster: host.name for host in hosts if host.part.role == "server"}
     look = "ansible {} -b -a 'systemctl status k3s'"
     return [
         Trouble(f"cluster {name}", f"does not answer: {why}", look.format(by_cluster.get(name, name)), cluster=name)
@@ -208,7 +180,7 @@ def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list
 
 
 def graphs_to_read(
-    hosts: Iterable[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Workload]
+    hosts: Sequence[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Workload]
 ) -> dict[str, Asked]:
     """Which robot reads whose graph.
 
@@ -223,18 +195,20 @@ def graphs_to_read(
         if uri:
             taken.add(host.graph)
             pods = {address for row in apps_of(host.graph, apps) for address in row.addresses}
-            found[host.name] = Asked(host.graph, uri, tuple(sorted(pods)))
+            rates = promised_rates((one for one in hosts if one.graph == host.graph), apps)
+            found[host.name] = Asked(host.graph, uri, tuple(sorted(pods)), rates)
     return found
 
 
-def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Promise]]:
-    """What apps' readiness says of topics' rates, by graph and topic."""
-    found: dict[str, dict[str, Promise]] = {}
+def promised_rates(hosts: Iterable[Member], apps: Iterable[Workload]) -> dict[str, Promise]:
+    """What apps' readiness says of topics' rates, by topic; nothing is promised by apps that are not there yet."""
+    there = {(row.robot, row.name) for row in apps}
+    found = {}
     for host in hosts:
         for topic, app, said in promised(host.robot) if host.robot else ():
-            if rate := said.get("min_rate"):
-                owner = host.name if app.scope == "robot" else SHARED
-                found.setdefault(host.graph, {})[topic] = Promise(rate, app.name, owner)
+            owner = host.name if app.scope == "robot" else SHARED
+            if (rate := said.get("min_rate")) and (owner, app.name) in there:
+                found[topic] = Promise(rate, app.name, owner)
     return found
 
 

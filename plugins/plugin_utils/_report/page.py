@@ -19,7 +19,7 @@ from markupsafe import Markup
 from ...module_utils._common.documents import Data
 from .attention import attention
 from .glance import counts, host_level, hosts_off, level, share
-from .rows import Host, Row, Status, Topic
+from .rows import Host, Row, Status
 from .text import SECTIONS, TITLES, Columns, columns, grid, rate_words, when, words
 
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
@@ -79,12 +79,10 @@ def host_columns(status: Status) -> Columns:
     """Of a line per host: what runs for it, as shares that are in order, and what became of it."""
     nodes = {row.name: "Ready" if row.ready else "NotReady" for row in status.nodes}
     outcomes = {row.host: row.outcome for row in status.outcomes}
-
-    def topics(host: Host) -> list[Topic]:
-        return [row for row in status.topics if row.robot == host.name]
+    rates = {host.name: [row.rate or 0.0 for row in status.topics if row.robot == host.name] for host in status.hosts}
 
     def messages(host: Host) -> str:
-        rate = sum(row.rate or 0.0 for row in topics(host))
+        rate = sum(rates[host.name])
         return rate_words(rate).removesuffix(" Hz") if rate else ""
 
     return columns(
@@ -92,7 +90,7 @@ def host_columns(status: Status) -> Columns:
         ("node", lambda host: nodes.get(host.name)), ("master", lambda host: share(status.masters, host.name)),
         ("apps ready", lambda host: share(status.apps, host.name)),
         ("ROS nodes up", lambda host: share(status.ros_nodes, host.name)),
-        ("topics", lambda host: len(topics(host)) or None), ("messages/s", messages),
+        ("topics", lambda host: len(rates[host.name]) or None), ("messages/s", messages),
         ("last outcome", lambda host: outcomes.get(host.name)),
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 from ...module_utils._common.documents import Result
 from ...module_utils._ros.contract import ACTION_TOPICS
@@ -22,6 +22,7 @@ from .rows import SHARED, Promise, Trouble, Workload, logs_of
 
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
 Owner = tuple[str, str]  # robot, app
+Promises = Mapping[str, Promise]  # by topic
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,18 @@ class Process:
 
 @dataclass(frozen=True)
 class Reading:
-    """What ros_graph_info returns of a master's graph."""
+    """What ros_graph_info returns of a master's graph, and what is promised of it."""
 
     graph: Graph
     launched: tuple[Process, ...] = ()
+    promised: Promises = field(default_factory=dict)
 
     @classmethod
-    def from_dict(cls, found: Result) -> Reading:
-        return cls(graph_from(found), tuple(read(Process, one) for one in found.get("launched") or ()))
+    def from_dict(cls, found: Result, promised: Promises) -> Reading:
+        return cls(graph_from(found), tuple(read(Process, one) for one in found.get("launched") or ()), promised)
 
 
 Graphs = Mapping[str, Reading]  # by robot, or SHARED
-Promises = Mapping[str, Mapping[str, Promise]]  # by graph and topic
 
 
 def apps_of(graph: str, apps: Iterable[Workload]) -> list[Workload]:
@@ -88,13 +89,12 @@ def node_rows(graphs: Graphs, apps: Sequence[Workload], nodes: Iterable[rows.Nod
             yield rows.RosNode(robot, node.name, *where, node.reachable, node.error, *sizes, node.services)
 
 
-def topic_rows(graphs: Graphs, promises: Promises) -> Iterator[rows.Topic]:
+def topic_rows(graphs: Graphs) -> Iterator[rows.Topic]:
     """What is there, and what is promised."""
     for robot, one in sorted(graphs.items()):
-        promised = promises.get(robot, {})
-        for topic in map(one.graph.topic, sorted({*promised, *one.graph.topics} - PLUMBING_TOPICS)):
+        for topic in map(one.graph.topic, sorted({*one.promised, *one.graph.topics} - PLUMBING_TOPICS)):
             sizes = len(topic.publishers), len(topic.subscribers), len(topic.connections)
-            promise, why = promised.get(topic.name), topic.rate_error
+            promise, why = one.promised.get(topic.name), topic.rate_error
             yield rows.Topic(robot, topic.name, topic.type, *sizes, topic.rate, promise, why)
 
 
@@ -108,17 +108,18 @@ def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
         # from its clients to its server; goals have to get there, results have to come back
         goal, result = graph.topic(f"{name}/goal"), graph.topic(f"{name}/result")
         back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
-        yield _link(rows.Link(robot, name, action=True), goal, (*_broken(goal, graph), *back))
+        yield _link(robot, name, goal, (*_broken(goal, graph), *back), action=True)
     of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
     for name, topic in sorted(graph.topics.items()):
         if name not in of_actions | PLUMBING_TOPICS:
-            yield _link(rows.Link(robot, name), topic, _broken(topic, graph))
+            yield _link(robot, name, topic, _broken(topic, graph))
 
 
-def _link(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
+def _link(
+    robot: str, name: str, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]], action: bool = False
+) -> rows.Link:
     pairs = tuple(dict.fromkeys((one.name, other.name) for one, other in broken))
-    ends = tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers))
-    return replace(link, publishers=ends[0], subscribers=ends[1], broken=pairs)
+    return rows.Link(robot, name, action, tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers)), pairs)
 
 
 def _broken(topic: Topic, graph: Graph) -> Iterator[tuple[NodeKey, NodeKey]]:

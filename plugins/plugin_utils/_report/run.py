@@ -117,14 +117,7 @@ class Task:
     seconds: float = 0.0
     hosts: set[str] = field(default_factory=set)
     changed: set[str] = field(default_factory=set)
-    begun: float | None = None
-    ended: float = 0.0
-
-    def close(self) -> None:
-        """Add what has passed since it began; a task begins once per batch of hosts."""
-        if self.begun is not None:
-            self.seconds += max(self.ended - self.begun, 0.0)
-        self.begun = None
+    at: float = 0.0  # up to when its time is counted: it begins once per batch of hosts
 
     def row(self) -> Data:
         """As the report has it: `hosts` and `changed` are how many."""
@@ -172,7 +165,6 @@ class _Play:
     name: str
     begun: float
     hosts: list[str]
-    ended: float = 0.0
 
 
 class RunReport:
@@ -192,19 +184,15 @@ class RunReport:
         return host
 
     def play(self, name: str, hosts: Iterable[str], now: float) -> None:
-        self._close(now)
         self._plays.append(_Play(name, now, list(hosts)))
         for host in self._plays[-1].hosts:
             self.host(host)
 
     def task(self, key: str, new: Task, now: float) -> None:
         """It begins, be it for a further batch of hosts."""
-        for task in self._tasks.values():
-            task.close()
         new.play = self._plays[-1].name if self._plays else ""
         new.stage, new.action = new.stage or new.play, new.action.rpartition(".")[2]
-        task = self._tasks.setdefault(key, new)
-        task.begun, task.ended = now, now
+        self._tasks.setdefault(key, new).at = now
 
     def ok(self, key: str, host: str, result: Result, now: float) -> None:
         task = self.ran(key, host, now)
@@ -250,7 +238,8 @@ class RunReport:
         self.host(host)
         if task:
             task.hosts.add(host)
-            task.ended = now
+            task.seconds += now - task.at
+            task.at = now
         return task
 
     def _learn(self, task: Task | None, name: str, result: Result) -> None:
@@ -260,17 +249,10 @@ class RunReport:
         host.rollout = results.rollout_of(action, result) or host.rollout
         self._apis.update(result.get("apis") or {})
 
-    def _close(self, now: float) -> None:
-        for task in self._tasks.values():
-            task.close()
-        if self._plays and not self._plays[-1].ended:
-            self._plays[-1].ended = now
-
     def finish(
         self, stats: Mapping[str, Counts], now: float, playbook: str = "", check_mode: bool = False, started: str = ""
     ) -> Report:
         """The report. `stats` is Ansible's own summary per host: it knows what was rescued."""
-        self._close(now)
         names = [name for name in self._hosts if name != "localhost" or name in stats]
         if len(names) > 1:  # what ran on the control node only helped the others
             names = [name for name in names if name != "localhost"]
@@ -278,6 +260,7 @@ class RunReport:
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
         hosts = tuple(self._host_report(name, stats.get(name) or {}, ended) for name in names)
         words = [host.outcome.outcome for host in hosts]
+        ends = [*(play.begun for play in self._plays[1:]), now]
         return Report(
             playbook,
             check_mode,
@@ -285,7 +268,7 @@ class RunReport:
             round(now - self._begun, 3),
             {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
             hosts,
-            tuple({"name": one.name, "seconds": round(one.ended - one.begun, 3)} for one in self._plays),
+            tuple({"name": one.name, "seconds": round(end - one.begun, 3)} for one, end in zip(self._plays, ends)),
             self._stages(),
             tuple(task.row() for task in slowest),
             len(self._tasks),
@@ -301,13 +284,13 @@ class RunReport:
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
         failed = {name for name, host in self._hosts.items() if host.failure}
-        here, lost = dict[str, HostRun](), dict[str, HostRun]()
+        here, lost = dict[str, Data](), dict[str, Data]()
         for name, host in self._hosts.items():
             changed = len(host.changed)
-            stays = host.outcome({"changed": changed, "ok": 1}, ())
-            here[name] = HostRun(name, playbook, started, stays, changed)
             gone = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
-            lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, host.failed_task)
+            stays, left = host.outcome({"changed": changed, "ok": 1}, ()), host.outcome(gone, failed)
+            here[name] = HostRun(name, playbook, started, stays, changed).as_dict()
+            lost[name] = HostRun(name, playbook, started, left, changed, host.failed_task).as_dict()
         return Noted(playbook, started, here, lost)
 
     def _stages(self) -> tuple[Data, ...]:

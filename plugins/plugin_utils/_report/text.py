@@ -166,13 +166,13 @@ def grid(columns: Columns, rows: Sequence[Row]) -> tuple[list[str], list[list[ob
     return list(shown), [list(line) for line in zip(*shown.values())]
 
 
-def status_text(status: Status, width: int = WIDTH) -> str:
+def status_text(status: Status) -> str:
     """All tables. A section without rows says so, where it is worth a line."""
     lines: list[str] = []
     for title, key, columns in SECTIONS:
         if rows := status.rows(key):
-            wide = UNCUT if key in WHOLE else width
-            lines += [title, *(f"  {line}" for line in table(*grid(columns, rows), wide - 2)), ""]
+            wide = UNCUT if key in WHOLE else WIDTH - 2
+            lines += [title, *(f"  {line}" for line in table(*grid(columns, rows), wide)), ""]
         elif key not in ONLY_WITH_ROWS:
             lines += [title, "  none", ""]
     return "\n".join(lines).rstrip() + "\n"

@@ -21,7 +21,8 @@ from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named,
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
 TEMPLATE = "as its template has it"
-WHOLE = "node-exporter"  # the workload that is shown with its pod, for what all pods have in common
+WHOLE = "alertmanager"  # the workload that is shown with its pod, for what all pods have in common
+HASHES = ("rosops.fleet/spec-hash", "rosops.fleet/config-hash")
 OF_TEMPLATES = {"prometheus.yml", "loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
@@ -53,9 +54,10 @@ def golden(name: str) -> list[dict[str, Any] | str]:
 
 
 def shown(item: dict[str, Any]) -> dict[str, Any]:
-    """The object without what is said elsewhere: labels that are those of a part, by its name, and what templates say.
+    """The object without what is said elsewhere: labels that are those of a part, by its name, what templates say, and
+    what all workloads have in common.
 
-    That is in the hashes of the pod and of the workload: an update restarts who has another one.
+    That is in the hashes of the workload and of its configuration: an update restarts who has another one.
     """
     body: dict[str, Any] = json.loads(json.dumps(item))
     api, kind, metadata = (body.pop(key) for key in ("apiVersion", "kind", "metadata"))
@@ -67,7 +69,9 @@ def shown(item: dict[str, Any]) -> dict[str, Any]:
             rest = [f"{key}={value}" for key, value in one["labels"].items() if key not in part]
             one["labels"] = ", ".join([f"of {name}", *rest])
     if kind in ("Deployment", "DaemonSet") and name != WHOLE:
-        template["spec"] = TEMPLATE
+        notes = {**metadata.pop("annotations"), **template["metadata"]["annotations"]}
+        strategy = {key: value for key, value in body["spec"].items() if key.lower().endswith("strategy")}
+        body = {"hashes": " ".join(notes[key][:12] for key in HASHES), **strategy}
     if kind == "ConfigMap":
         body["data"] = {file: TEMPLATE if file in OF_TEMPLATES else text for file, text in item["data"].items()}
     place = "/".join(filter(None, (metadata.pop("namespace", ""), metadata.pop("name"))))

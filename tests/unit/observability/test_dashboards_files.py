@@ -19,7 +19,6 @@ from dashboards.lint import fleet_findings, logql_findings, page_findings, promq
 from dashboards.queries import FILES, Query, all_queries, filled, needs, of_rules
 
 METRICS: dict[str, list[str]] = yaml.safe_load((Path(__file__).resolve().parent / "metrics.yml").read_text("utf-8"))
-MODULE_UTILS = FILES.parents[2] / "plugins" / "module_utils"
 NAMES = {"fleet", "robot", "application", "ros-graph", "topics", "updates", "hosts-k3s", "logs", "telemetry"}
 QUERIES = all_queries()
 
@@ -87,14 +86,13 @@ def test_nothing_is_left_to_fill_in() -> None:
     assert [query.where for query in QUERIES if "$" in query.expr.replace('"$1"', "")] == []
 
 
-def test_the_exporters_metrics_are_those_in_its_code() -> None:
-    code = "".join(path.read_text("utf-8") for path in MODULE_UTILS.glob("_exporter/*.py"))
-    assert [name for name in METRICS["ros-exporter"] if name not in code] == []
-
-
-def test_the_apps_metrics_are_those_of_the_validation_apps() -> None:
-    code = (FILES.parents[2] / "tests" / "apps" / "rosops_apps" / "metrics.py").read_text("utf-8")
-    assert [name for name in METRICS["apps"] if name not in code] == []
+@pytest.mark.parametrize(
+    ("job", "files"),
+    [("ros-exporter", "plugins/module_utils/_exporter/*.py"), ("apps", "tests/apps/rosops_apps/metrics.py")],
+)
+def test_our_own_metrics_are_those_in_their_code(job: str, files: str) -> None:
+    code = "".join(path.read_text("utf-8") for path in FILES.parents[2].glob(files))
+    assert [name for name in METRICS[job] if name not in code] == []
 
 
 @pytest.mark.parametrize("job", ["kubelet", "cadvisor", "apiserver"])
@@ -171,21 +169,10 @@ def test_the_lint_sees_what_it_is_there_for() -> None:
     page["panels"][4]["targets"][0]["expr"] = "x{a='$b'}"
     page["panels"][5]["gridPos"]["x"] = 22
     found = "\n".join(page_findings(page))
-    for part in (
-        "rosops-<name>",
-        "id of a database",
-        "no unit",
-        "id 1 is used twice",
-        "'abc'",
-        "$__rate_interval",
-        "$b",
-        "leaves",
-    ):
-        assert part in found
-    assert list(fleet_findings([broken(), broken()])) == [
-        "uid rosops-fleet is used 2 times",
-        "title Fleet is used 2 times",
-    ]
+    told = "rosops-<name>|id of a database|no unit|id 1 is used twice|'abc'|$__rate_interval|$b|leaves"
+    assert [part for part in told.split("|") if part not in found] == []
+    twice = ["uid rosops-fleet is used 2 times", "title Fleet is used 2 times"]
+    assert list(fleet_findings([broken(), broken()])) == twice
     blind = broken(templating={"list": []})
     assert any("data source loki" in finding for finding in page_findings(blind))
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import doctest
 import json
 import sys
 from pathlib import Path
@@ -14,17 +15,9 @@ import gaps
 import memory
 
 
-def test_numbers_of_two_runs() -> None:
-    lines = [f"run=1.0 number={number}" for number in (1, 2, 4, 4)] + ["run=2.0 number=1", "no number"]
-    assert gaps.numbers(lines) == {"1.0": gaps.Numbers(1, 4, 1, 1), "2.0": gaps.Numbers(1, 1, 0, 0)}
-
-
-def test_holes_and_how_many_samples_they_are() -> None:
-    assert gaps.holes([10, 20, 30, 40], 10, 10, 45) == []
-    found = gaps.holes([10, 20, 60, 70], 10, 10, 100)
-    assert found == [gaps.Hole(20, 60), gaps.Hole(70, 100)]
-    assert gaps.missed(found, 10) == 5
-    assert gaps.holes([], 10, 0, 50) == [gaps.Hole(0, 50)]
+def test_the_examples_in_gaps() -> None:
+    done = doctest.testmod(gaps)
+    assert done.attempted == 4 and not done.failed
 
 
 def test_pods_by_their_uid() -> None:

@@ -129,18 +129,17 @@ def test_a_host() -> None:
     assert shown(found) == {"node": "robot1", "instance": "robot1", "robot": "robot1", "placement": "local"}
 
 
+TALKER = {"namespace": "robot-r1", "pod": "talker-7d9f8b6c5d-x2x4z"}
+MAP = {"namespace": "fleet", "pod": "map-7d9f8b6c5d-x2x4z"}
+
+
 @pytest.mark.parametrize(
     ("series", "robot", "wanted"),
     [
-        (
-            {"namespace": "robot-r1", "pod": "talker-7d9f8b6c5d-x2x4z", "robot": "r1"},
-            "",
-            {"robot": "r1", "app": "talker"},
-        ),
-        # a pod of the fleet that runs on robot r9
-        ({"namespace": "fleet", "pod": "map-7d9f8b6c5d-x2x4z", "robot": "r9"}, "", {"app": "map"}),
-        ({"namespace": "robot-r1", "pod": "talker-7d9f8b6c5d-x2x4z"}, "", {"robot": "r1", "app": "talker"}),
-        ({"namespace": "fleet", "pod": "map-7d9f8b6c5d-x2x4z", "robot": "r2"}, "r2", {"robot": "r2", "app": "map"}),
+        ({**TALKER, "robot": "r1"}, "", {"robot": "r1", "app": "talker"}),
+        (TALKER, "", {"robot": "r1", "app": "talker"}),
+        ({**MAP, "robot": "r9"}, "", {"app": "map"}),  # a pod of the fleet that runs on robot r9
+        ({**MAP, "robot": "r2"}, "r2", {"robot": "r2", "app": "map"}),
         ({"robot": "r1"}, "", {"robot": "r1"}),
     ],
 )
@@ -177,15 +176,14 @@ def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
 )
 def test_the_app_of_a_pods_name(pod: str, app: str) -> None:
     match = re.fullmatch(APP_OF_POD, pod)
-    assert match is not None
-    assert match["app"] == app
+    assert match and match["app"] == app
 
 
 def test_the_parts_of_a_log_files_path() -> None:
     path = "/var/log/pods/robot-robot1_talker-7d9f8b6c5d-x2x4z_0b1c-22/ros-app/0.log"
     match = re.fullmatch(PATH, path)
-    assert match is not None
-    assert match.groupdict() == {"namespace": "robot-robot1", "pod": "talker-7d9f8b6c5d-x2x4z", "container": "ros-app"}
+    parts = {"namespace": "robot-robot1", "pod": "talker-7d9f8b6c5d-x2x4z", "container": "ros-app"}
+    assert match and match.groupdict() == parts
 
 
 def test_shipper_and_loki_agree_on_the_labels() -> None:
@@ -196,15 +194,12 @@ def test_shipper_and_loki_agree_on_the_labels() -> None:
     assert indexed["attributes_config"][0]["attributes"] == list(STREAM_LABELS)
     assert limits["allow_structured_metadata"]
     assert limits["discover_service_name"] == []
-    text = json.dumps(config("otelcol", spec)["receivers"]["filelog"]["operators"])
+    shipper = config("otelcol", spec)
+    assert "$" not in json.dumps(shipper)  # which it would expand
+    text = json.dumps(shipper["receivers"]["filelog"]["operators"])
     assert "resource.placement" in text
     for label in ("namespace", "pod", "container", "robot", "app"):
         assert f"(?P<{label}>" in text
-
-
-def test_no_dollar_that_the_shipper_would_expand() -> None:
-    spec = full({"remote_nodes": ["edge1"]})
-    assert "$" not in json.dumps(config("otelcol", spec))
 
 
 def test_the_collector_loses_nothing() -> None:
@@ -228,10 +223,8 @@ def test_a_robots_own_cluster_names_the_robot() -> None:
 
 @pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])
 def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
-    assert (
-        config("scrape", full({"profile": profile})).get("storage", {}).get("tsdb", {}).get("out_of_order_time_window")
-        == window
-    )
+    storage = config("scrape", full({"profile": profile})).get("storage", {})
+    assert storage.get("tsdb", {}).get("out_of_order_time_window") == window
 
 
 def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:

@@ -28,9 +28,8 @@ HASH = "rosops.fleet/config-hash"
 
 
 def find(objects: list[Object], kind: str, name: str) -> Object:
-    found = [one for one in objects if (one["kind"], one["metadata"]["name"]) == (kind, name)]
-    assert len(found) == 1, (kind, name, [(one["kind"], one["metadata"]["name"]) for one in objects])
-    return found[0]
+    [found] = [one for one in objects if (one["kind"], one["metadata"]["name"]) == (kind, name)]
+    return found
 
 
 def pod_of(objects: list[Object], kind: str, name: str) -> dict[str, Any]:
@@ -55,7 +54,10 @@ def keys(objects: list[Object]) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize("name", stack.SPECS)
 def test_what_is_applied(name: str) -> None:
-    """As the golden file has it, and as the API takes it; all text is that of what it says."""
+    """As the golden file has it, and as the API takes it; all text is that of what it says.
+
+    The images that are told are those that run, and what is to be deleted is never data, nor what is wanted.
+    """
     text = (HERE / "golden" / f"{name}.yml").read_text("utf-8")
     assert stack.golden(name) == yaml.safe_load(text)
     made = stack.built(stack.SPECS[name])
@@ -64,6 +66,13 @@ def test_what_is_applied(name: str) -> None:
         kubernetes_validate.validate(one, "1.34", strict=True)
         for file, said in one["data"].items() if one["kind"] == "ConfigMap" else ():
             assert not file.endswith(".yml") or yaml_text(yaml.safe_load(said)) == said
+    pods = [one["spec"]["template"]["spec"] for one in workloads(made).values()]
+    used = {one["image"] for pod in pods for one in [*pod.get("initContainers", []), *pod["containers"]]}
+    assert sorted(used) == images(full(stack.SPECS[name]))
+    assert "subPath" not in json.dumps(made)  # by which changes would not arrive
+    left = {*keys(observability.leftovers(full(stack.SPECS[name]), made))}
+    assert not {*keys(made)} & left
+    assert not {kind for kind, _name in left} & {*DATA}
 
 
 @pytest.mark.parametrize("size", ["600Mi", "1Gi", "8Gi", "10G", "1Ti", "1500M", "2.5Gi"])
@@ -78,12 +87,8 @@ def test_retention_by_size_is_below_the_claim(size: str) -> None:
 
 def test_the_seeds_values_are_the_defaults() -> None:
     spec = full({})
-    assert spec["prometheus"] == {
-        "enabled": True,
-        "scrape_interval": "10s",
-        "evaluation_interval": "10s",
-        "retention": "7d",
-    }
+    scrape = {"scrape_interval": "10s", "evaluation_interval": "10s"}
+    assert spec["prometheus"] == {"enabled": True, "retention": "7d", **scrape}
     assert spec["loki"] == {"enabled": True, "retention": "7d", "persistence": {"enabled": True, "size": "5Gi"}}
     assert spec["grafana"]["service_type"] == "NodePort"
     assert spec["grafana"]["persistence"] == {"enabled": True, "size": "2Gi"}
@@ -105,11 +110,6 @@ def test_a_null_in_alertmanagers_file_stays() -> None:
     assert yaml.safe_load(base64.b64decode(secret["data"]["alertmanager.yml"])) == config
 
 
-def encode(text: str) -> str:
-    """As a Secret has it."""
-    return base64.b64encode(text.encode()).decode()
-
-
 @pytest.mark.parametrize(
     ("there", "given", "password"),
     [
@@ -122,7 +122,8 @@ def encode(text: str) -> str:
     ],
 )
 def test_the_password_is_stable(there: tuple[str, str] | None, given: str, password: str) -> None:
-    secret = None if there is None else {"data": {"password": encode(there[0]), "version": encode(there[1])}}
+    known = [base64.b64encode(text.encode()).decode() for text in there or ()]
+    secret = {"data": dict(zip(("password", "version"), known))} if there else None
     admin = observability.grafana_admin(secret, given, "VERSION1" + "RANDOM-" * 4)
     kept = there is not None and there[1] != "" and given in ("", there[0])
     assert admin == {"password": password, "version": there[1] if kept and there else "VERSION1"}
@@ -155,39 +156,15 @@ def test_a_rule_restarts_prometheus_and_a_dashboard_nobody() -> None:
     assert hashes({}, boards) == hashes({})
 
 
-def test_no_sub_path_so_that_changes_arrive() -> None:
-    for spec in stack.SPECS.values():
-        assert "subPath" not in json.dumps(stack.built(spec))
-
-
 def test_dashboards_are_mounted_and_none_is_an_empty_directory() -> None:
     none, own = (observability.stack_objects(full({}), files) for files in (Files(), stack.FILES))
     assert find(none, "ConfigMap", "prometheus-rules")["data"] == {}
     sources = [{"configMap": {"name": "dashboard-fleet"}}]
     for objects, volume in ((none, {"emptyDir": {}}), (own, {"projected": {"sources": sources}})):
-        volumes = {one["name"]: one for one in pod_of(objects, "Deployment", "grafana")["volumes"]}
-        assert volumes["dashboards-fleet"] == {"name": "dashboards-fleet", **volume}
-
-
-def test_default_dashboards_can_be_left_out() -> None:
-    for wanted in (True, False):
+        assert {"name": "dashboards-fleet", **volume} in pod_of(objects, "Deployment", "grafana")["volumes"]
+    for wanted in (True, False):  # the default ones can be left out
         objects = observability.stack_objects(full({}), stack_files([], "", wanted))
         assert ("dashboard-fleet" in [one["metadata"]["name"] for one in objects]) is wanted
-
-
-@pytest.mark.parametrize("name", stack.SPECS)
-def test_the_image_list_is_what_runs(name: str) -> None:
-    pods = [one["spec"]["template"]["spec"] for one in workloads(stack.built(stack.SPECS[name])).values()]
-    used = {one["image"] for pod in pods for one in [*pod.get("initContainers", []), *pod["containers"]]}
-    assert sorted(used) == images(full(stack.SPECS[name]))
-
-
-@pytest.mark.parametrize("name", stack.SPECS)
-def test_leftovers_are_never_data_and_never_what_is_wanted(name: str) -> None:
-    there = stack.built(stack.SPECS[name])
-    left = {*keys(observability.leftovers(full(stack.SPECS[name]), there))}
-    assert not {*keys(there)} & left
-    assert not {kind for kind, _name in left} & {*DATA}
 
 
 def test_an_allow_list_that_nobody_wants_any_more_goes() -> None:
@@ -201,29 +178,17 @@ def test_from_hub_to_robot_nothing_runs_on() -> None:
     assert [name for kind, name in gone if kind not in DATA and "dashboard" not in name] == []
 
 
-def test_no_shipper_where_nobody_takes_lines() -> None:
+def test_no_shipper_where_nobody_takes_lines_and_a_robots_profile_needs_a_hub() -> None:
     for spec in ({"loki": {"enabled": False}}, {"log_shipper": "none"}):
         assert "log-shipper" not in hashes(spec)
-
-
-def test_a_robots_profile_needs_a_hub() -> None:
     with pytest.raises(SpecError, match="observability_hub_url"):
         observability.stack_objects(full({"profile": "robot", "robot": "r1"}), Files())
 
 
-@pytest.mark.parametrize(
-    ("spec", "where"), [({}, {"deploymentType": "remote"}), (stack.SPECS["robot"], {"rosops.fleet/robot": "robot2"})]
-)
-def test_where_it_runs(spec: dict[str, Any], where: dict[str, str]) -> None:
-    found = [one for one in workloads(stack.built(spec)).values() if one["kind"] == "Deployment"]
-    assert found and all(one["spec"]["template"]["spec"]["nodeSelector"] == where for one in found)
-
-
 def test_open_ports_and_who_may_reach_them() -> None:
     plain, hub = observability.stack_objects(full({}), Files()), stack.built(stack.SPECS["hub"])
-    ports = {
-        one["metadata"]["name"]: one["spec"]["ports"][0].get("nodePort") for one in hub if one["kind"] == "Service"
-    }
+    services = {one["metadata"]["name"]: one["spec"] for one in hub if one["kind"] == "Service"}
+    ports = {name: spec["ports"][0].get("nodePort") for name, spec in services.items()}
     assert ports == {"prometheus": 30090, "loki": 30100, "grafana": 30300}
     assert "NetworkPolicy" not in dict(keys(plain))
     allowed = observability.stack_objects(full({"allowed_networks": ["192.0.2.0/24"]}), Files())
@@ -233,15 +198,12 @@ def test_open_ports_and_who_may_reach_them() -> None:
     for spec in policies.values():
         assert {"ipBlock": {"cidr": "192.0.2.0/24"}} in spec["ingress"][0]["from"]
     # the caller's own address is what the policy is about
-    for one in hub:
-        if one["kind"] == "Service":
-            assert one["spec"]["externalTrafficPolicy"] == "Local"
+    assert {spec["externalTrafficPolicy"] for spec in services.values()} == {"Local"}
 
 
 def test_overrides_come_last() -> None:
-    patch = {
-        "spec": {"template": {"spec": {"containers": [{"name": "loki", "resources": {"limits": {"memory": "1Gi"}}}]}}}
-    }
+    more = {"name": "loki", "resources": {"limits": {"memory": "1Gi"}}}
+    patch = {"spec": {"template": {"spec": {"containers": [more]}}}}
     objects = observability.stack_objects(full({"overrides": {"loki": patch}}), stack.FILES)
     container = pod_of(objects, "Deployment", "loki")["containers"][0]
     assert container["resources"]["limits"] == {"memory": "1Gi"}

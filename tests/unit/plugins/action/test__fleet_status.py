@@ -11,11 +11,9 @@ from ansible_collections.rosops.fleet.plugins.action import _fleet_status
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 HOST = {"name": "robot1", "group": "robots", "cluster": "edge", "reachable": True}
-FLEET: dict[str, Any] = {
-    "hosts": [HOST],
-    "problems": [{"where": "cluster edge", "what": "does not answer: no answer within 60 s"}],
-    "graphs": {"robot1": {"robot": "(shared)", "master_uri": "http://10.43.0.1:11311"}},
-}
+PROBLEM = {"where": "cluster edge", "what": "does not answer: no answer within 60 s"}
+ASKED = {"robot": "(shared)", "master_uri": "http://10.43.0.1:11311"}
+FLEET = {"status": {"hosts": [HOST], "problems": [PROBLEM]}, "graphs": {"robot1": ASKED}}
 GRAPH = {"nodes": {"/sensor": {"pid": 1}}, "topics": {"/t": {"type": "a/B", "rate": 10.0}}}
 
 
@@ -33,9 +31,9 @@ def show(page: Path | str, result: dict[str, Any], check_mode: bool = False, **m
 
 def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
     page = tmp_path / "fleet.html"
-    first, second = (show(page, {"graph": GRAPH}) for _turn in range(2))
+    first, second = (show(page, {"graph": GRAPH}, ansible_limit="robot1") for _turn in range(2))
     assert (first["changed"], second["changed"]) == (True, False)
-    assert "/sensor" in page.read_text()
+    assert "/sensor" in page.read_text() and "<code>robot1</code>" in page.read_text()
     assert said == [f"\n{one['text']}" for one in (first, second)]
     assert "(shared)  /t     a/B" not in said[0] and "All tables" in said[0]
 
@@ -47,11 +45,10 @@ def test_tables_are_for_those_who_ask_for_more(monkeypatch: pytest.MonkeyPatch, 
     assert found["_ansible_verbose_override"] is True  # Ansible's own print of it would be the same once more
 
 
-@pytest.mark.parametrize(("page", "check_mode"), [("new/fleet.html", True), ("", False)])
-def test_nothing_is_written_in_check_mode_or_where_no_page_is_wanted(
-    tmp_path: Path, said: list[str], page: str, check_mode: bool
-) -> None:
-    assert show(page and tmp_path / page, {"graph": GRAPH}, check_mode)["changed"] is check_mode
+@pytest.mark.parametrize("wanted", [True, False])
+def test_check_mode_writes_nothing_nor_does_who_wants_no_page(tmp_path: Path, said: list[str], wanted: bool) -> None:
+    page = tmp_path / "new" / "fleet.html" if wanted else ""
+    assert show(page, {"graph": GRAPH}, check_mode=wanted)["changed"] is wanted
     assert list(tmp_path.iterdir()) == [] and said
 
 
@@ -62,12 +59,6 @@ def test_a_page_that_cannot_be_written_keeps_nobody_from_the_text(tmp_path: Path
     assert found["failed"] is True and str(page) in found["msg"]
     assert list(tmp_path.iterdir()) == [page]
     assert said == [f"\n{found['text']}"]
-
-
-def test_a_limited_run_says_so(tmp_path: Path, said: list[str]) -> None:
-    show(tmp_path / "fleet.html", {"graph": GRAPH}, ansible_limit="robot1")
-    assert "<code>robot1</code>" in (tmp_path / "fleet.html").read_text()
-    assert said
 
 
 @pytest.mark.parametrize(
@@ -88,11 +79,3 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
     ]
     assert len(found["ros_nodes"]) == ("graph" in result)
     assert said[0].startswith("\nNEEDS ATTENTION")
-
-
-def test_the_last_outcomes_are_those_that_the_clusters_keep(monkeypatch: pytest.MonkeyPatch, said: list[str]) -> None:
-    told = {"playbook": "update.yml", "started": "2026-01-01T00:00:00Z", "outcome": "rolled-back"}
-    monkeypatch.setitem(FLEET, "runs", [{"host": "robot1", "reason": "half the rate", **told}])
-    found = show("", {"graph": GRAPH})["status"]
-    assert [(row["host"], row["outcome"]) for row in found["outcomes"]] == [("robot1", "rolled-back")]
-    assert "half the rate" in said[0]

@@ -44,7 +44,7 @@ def known(*here: str, **facts: Any) -> dict[str, Any]:
 
 
 def noted() -> None:
-    """What the callback writes down: edge1 was changed, robot1 was busy, 2 failed, 3 went away, 4 did nothing."""
+    """What the callback writes down: edge1 was changed, robot1 was busy, 2 failed, 3 went away, 4 was rescued."""
     report = RunReport()
     report.play("Robots", [host for group in GROUPS.values() for host in group], 0)
     report.task("t", Task("Apply", "rosops.fleet._robot_update"), 0)
@@ -52,6 +52,7 @@ def noted() -> None:
     report.ok("t", "robot1", {"outcome": BUSY}, 1)
     report.failed("t", "robot2", {"msg": "no space"}, 1)
     report.unreachable("t", "robot3", {"msg": "timed out"}, 1)
+    report.failed("t", "robot4", {"msg": "once more"}, 1)
     note_run(report.so_far("update.yml", "2026-11-22T06:00:00Z"))
 
 

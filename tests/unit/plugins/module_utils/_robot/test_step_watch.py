@@ -20,8 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import M
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import last_steps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult, events_map
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_gate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
@@ -568,7 +567,7 @@ def test_the_record_says_that_the_keeper_went_back() -> None:
     assert (told["outcome"], told["from"], told["to"], told["id"]) == ("rolled-back", "rev1", "rev2", "abc")
     assert told["reason"].startswith("the keeper went back from rev2 to rev1 at 1970-01-01T00:00:00.000000Z: not ready")
     assert world.maps[NAMESPACE, "robot-updates"]["metadata"]["labels"] == labels
-    shown = step_rows(kept_steps([world.maps[NAMESPACE, "robot-updates"]]))
+    shown = last_steps([world.maps[NAMESPACE, "robot-updates"]])
     assert [(row.robot, row.outcome, row.note) for row in shown] == [("r1", "rolled-back", told["reason"])]
 
 

@@ -181,8 +181,9 @@ def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server:
     outcome = run(_robot_update, {}, inventory())["outcome"]
     assert outcome["outcome"] == "failed"
     assert "nothing was touched: " in outcome["reason"]
-    assert "the cluster edge of the fleet staging; the inventory's is the cluster edge of" in outcome["reason"]
-    found = run(_fleet_info, {"volumes": "usage"}, inventory())
+    said = "the cluster edge of the fleet staging; the inventory's is the cluster edge of the fleet production"
+    assert said in outcome["reason"]
+    found = run(_fleet_info, {"volumes": "usage"}, inventory())["status"]
     assert [one["where"] for one in found["problems"]] == ["cluster edge"]
     assert "the fleet staging" in found["problems"][0]["what"]
     assert (found["nodes"], server.writes) == ([], [])
@@ -300,14 +301,14 @@ def test_every_host_of_a_look_gets_its_access_or_leaves_it_to_the_look(monkeypat
     assert servers == ["robot2"] * 2
     found = run(_fleet_info, {"volumes": "usage"}, {**inventory(), "ansible_play_hosts_all": ["robot2"]})
     assert servers == ["robot2"] * 2
-    assert "No server of the cluster robot2 can be reached over SSH" in found["problems"][0]["what"]
+    assert "No server of the cluster robot2 can be reached over SSH" in found["status"]["problems"][0]["what"]
 
 
 def test_status_asks_each_cluster_by_its_own_access(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     made_by(server, "production")
     servers = serve(monkeypatch, lambda host: admin(server) if host == "edge1" else NOT_YET)
     known = {**inventory(), "ansible_play_hosts_all": ["robot1", "robot2"]}
-    found = run(_fleet_info, {"volumes": "usage"}, known)
+    found = run(_fleet_info, {"volumes": "usage"}, known)["status"]
     assert servers == ["edge1", "robot2"]
     assert [row["name"] for row in found["nodes"]] == ["robot1"]
     assert [one["where"] for one in found["problems"]] == ["cluster robot2"]

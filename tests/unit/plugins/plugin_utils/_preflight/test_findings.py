@@ -10,8 +10,15 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import collect
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import machines
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight import findings as _preflight
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import Requirements
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import (
+    Requirements,
+    look,
+    requirements,
+    server_addresses,
+)
 
 REQUIREMENTS = Requirements(
     role="agent",
@@ -37,11 +44,8 @@ X86: dict[str, Any] = {
     "root": True,
     "overlay": True,
     "cgroup": {
-        "version": 2,
-        "refused": False,
-        "controllers": ["cpu", "cpuset", "io", "memory", "pids"],
-        "cmdline": "root=/dev/sda1 ro quiet",
-        "cmdline_file": "",
+        **{"version": 2, "refused": False, "controllers": ["cpu", "cpuset", "io", "memory", "pids"]},
+        **{"cmdline": "root=/dev/sda1 ro quiet", "cmdline_file": ""},
     },
     "memory_mb": 7943,
     "disk": {"path": "/var/lib/rancher", "total_mb": 60000, "free_mb": 41000, "free_inodes": 3600000, "type": "ext4"},
@@ -50,13 +54,8 @@ X86: dict[str, Any] = {
     "listening": [],
     "reach": [{"host": "10.0.0.1", "port": 6443, "outcome": "refused"}],
     "k3s": {
-        "config": False,
-        "server_url": "",
-        "node_password": False,
-        "server_data": False,
-        "agent_data": False,
-        "units": [],
-        "foreign_units": [],
+        **dict.fromkeys(("config", "node_password", "server_data", "agent_data"), False),
+        **{"server_url": "", "units": [], "foreign_units": []},
     },
     "clock": {"offset": 0.02, "uncertainty": 0.1},
 }
@@ -87,13 +86,9 @@ V1 = {"version": 1, "refused": True}
 PI_WITHOUT_MEMORY = host(
     machine="aarch64",
     board="Raspberry Pi 4 Model B Rev 1.4",
-    cgroup={
-        "version": 2,
-        "refused": False,
-        "controllers": ["cpu", "cpuset", "io", "pids"],
-        "cmdline": "coherent_pool=1M 8250.nr_uarts=0 cgroup_disable=memory console=tty1 root=PARTUUID=1 rootwait",
-        "cmdline_file": "/boot/firmware/cmdline.txt",
-    },
+    cgroup__controllers=["cpu", "cpuset", "io", "pids"],
+    cgroup__cmdline="coherent_pool=1M 8250.nr_uarts=0 cgroup_disable=memory console=tty1 root=PARTUUID=1 rootwait",
+    cgroup__cmdline_file="/boot/firmware/cmdline.txt",
     memory_mb=3794,
 )
 PI_3_ARMV7 = host(os={"id": "raspbian", "version": "11", "name": "Raspbian"}, machine="armv7l", memory_mb=921)
@@ -131,11 +126,8 @@ def lines(facts: dict[str, Any], **requirements: Any) -> list[str]:
         (host(memory_mb=512), {}, "warning: 512 MiB of memory leave little"),
         (host(memory_mb=399), SERVER, "error: 399 MiB of memory, a k3s server needs 400"),
         (host(disk__free_mb=2999), {}, "error: 2999 MiB free for /var/lib/rancher, at least 3000"),
-        (
-            host(disk__total_mb=16000, disk__free_mb=2900),
-            {},
-            "error: 2900 MiB free for /var/lib/rancher, at least 3000",
-        ),
+        (host(disk__total_mb=16000, disk__free_mb=2900), {},
+         "error: 2900 MiB free for /var/lib/rancher, at least 3000"),
         (host(disk__total_mb=256000, disk__free_mb=12000), {}, "error: 12000 MiB free for /var/lib/rancher, 4.7 %"),
         (host(disk__total_mb=64000, disk__free_mb=3200), {}, "error: 3200 MiB free for /var/lib/rancher, 5.0 %"),
         (host(disk__free_mb=9000), {}, "warning: 9000 MiB free for /var/lib/rancher; images fill that fast"),
@@ -155,40 +147,25 @@ def lines(facts: dict[str, Any], **requirements: Any) -> list[str]:
         (host(hostname="localhost"), {}, "error: the host is named localhost"),
         (host(), {"node_name": "Robot 1"}, "error: the node name 'Robot 1' is not valid"),
         (host(k3s__units=["k3s.service"]), {}, "error: k3s.service is installed, but this host is to be a k3s agent"),
-        (
-            host(k3s__units=["k3s-agent.service"]),
-            SERVER,
-            "error: k3s-agent.service is installed, but this host is to be",
-        ),
+        (host(k3s__units=["k3s-agent.service"]), SERVER,
+         "error: k3s-agent.service is installed, but this host is to be"),
         (host(k3s__server_data=True), {}, "error: the host holds a k3s server's datastore"),
-        (
-            host(k3s__server_data=True),
-            SERVER,
-            "error: the host holds a k3s server's datastore without its configuration",
-        ),
-        (
-            host(k3s__config=True, k3s__server_url="https://192.168.9.9:6443", k3s__agent_data=True),
-            {},
-            "error: the host belongs to the cluster of https://192.168.9.9:6443, not to that of https://10.0.0.1:6443",
-        ),
+        (host(k3s__server_data=True), SERVER,
+         "error: the host holds a k3s server's datastore without its configuration"),
+        (host(k3s__config=True, k3s__server_url="https://192.168.9.9:6443", k3s__agent_data=True), {},
+         "error: the host belongs to the cluster of https://192.168.9.9:6443, not to that of https://10.0.0.1:6443"),
         (host(k3s__foreign_units=["k3s.service"]), {}, "warning: k3s.service was not written by this collection"),
         (host(k3s__node_password=True), {}, "warning: a node password of an earlier cluster is left"),
-        (
-            host(network__firewalls=["ufw"]),
-            {},
-            "warning: ufw is on; a k3s agent needs 10250/tcp (kubelet, from the servers), 8472/udp",
-        ),
-        (
-            host(network__firewalls=["firewalld"]),
-            SERVER,
-            "warning: firewalld is on; a k3s server needs 6443/tcp (API), 10250/tcp (kubelet), 8472/udp",
-        ),
+        (host(network__firewalls=["ufw"]), {},
+         "warning: ufw is on; a k3s agent needs 10250/tcp (kubelet, from the servers), 8472/udp"),
+        (host(network__firewalls=["firewalld"]), SERVER,
+         "warning: firewalld is on; a k3s server needs 6443/tcp (API), 10250/tcp (kubelet), 8472/udp"),
         (host(network__selinux=ENFORCING), {}, "warning: SELinux is enforcing, and k3s's policy is not there"),
         (host(network__lacking=["vxlan"]), {}, "warning: the kernel has no module vxlan: flannel cannot connect"),
         (host(network__lacking=["ip_set"]), {}, "warning: the kernel has no module ip_set: NetworkPolicies are not"),
         (host(routes=[CABLE, WIFI, CABLE6]), {}, "warning: there are default routes by eth0 and wlan0"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[str, Any], expected: str) -> None:
     found = lines(facts, **requirements)
     assert len(found) == 1
@@ -216,25 +193,21 @@ def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[
     ],
 )
 def test_what_is_right_is_not_reported(facts: dict[str, Any]) -> None:
-    assert lines(facts) == []
+    assert lines(facts) == lines(host(routes=[CABLE, WIFI]), interface="wlan0") == []
 
 
-def test_two_networks_are_right_once_it_is_said_which_one_counts() -> None:
-    assert lines(host(routes=[CABLE, WIFI]), interface="wlan0") == []
+TO_THE_PI = (
+    "on this Raspberry Pi 4 Model B Rev 1.4: sed -i '1 s/$/ cgroup_enable=cpuset cgroup_enable=memory "
+    "cgroup_memory=1/' /boot/firmware/cmdline.txt, then reboot"
+)
+SWITCHED_OFF = host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdline="quiet cgroup_disable=memory")
 
 
 @pytest.mark.parametrize(
     ("facts", "words"),
     [
-        (
-            PI_WITHOUT_MEMORY,
-            "on this Raspberry Pi 4 Model B Rev 1.4: sed -i '1 s/$/ cgroup_enable=cpuset cgroup_enable=memory "
-            "cgroup_memory=1/' /boot/firmware/cmdline.txt, then reboot",
-        ),
-        (
-            host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdline="quiet cgroup_disable=memory"),
-            "take cgroup_disable=memory off",
-        ),
+        (PI_WITHOUT_MEMORY, TO_THE_PI),
+        (SWITCHED_OFF, "take cgroup_disable=memory off"),
         (host(network__firewalls=["ufw"]), "10.42.0.0/16"),
         (host(network__selinux=ENFORCING), "k3s-selinux"),
         (host(network__lacking=["vxlan"]), "host-gw"),
@@ -283,3 +256,49 @@ def test_all_findings_come_in_one_report_errors_first() -> None:
     assert [line.split(":")[0].strip() for line in found[1:]] == ["error"] * 2 + ["warning"] * 2
     sound = _preflight.judge({"robot1": host()}, "robot1", REQUIREMENTS)
     assert _preflight.report("robot1", sound) == "robot1: ready for k3s, nothing to remark"
+
+
+# ---- what a host's part makes it need
+
+HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {"ansible_host": "fd00::2"}}
+SERVERS = ["edge1", "edge2"]
+DEFAULTS: dict[str, Any] = {name: option.get("default") for name, option in role_options("preflight").items()}
+
+
+def part(role: str) -> dict[str, str]:
+    return {"role": role, "node_name": "n", "k3s_version": "", "interface": ""}
+
+
+@pytest.mark.parametrize(
+    ("role", "host", "reach", "ports"),
+    [
+        (
+            "server", "edge1", ["[fd00::2]:6443", "[fd00::2]:2379", "[fd00::2]:2380"],
+            ["6443/tcp", "6444/tcp", "2379/tcp", "2380/tcp", "10250/tcp", "8472/udp"],
+        ),
+        ("agent", "robot1", ["10.0.0.1:6443", "[fd00::2]:6443"], ["6444/tcp", "10250/tcp", "8472/udp"]),
+    ],
+)  # fmt: skip
+def test_a_server_reaches_the_others_api_and_etcd_and_an_agent_the_api(
+    role: str, host: str, reach: list[str], ports: list[str]
+) -> None:
+    servers = server_addresses(SERVERS, host, HOSTVARS)
+    found = look(role, servers)
+    assert (found["reach"], [f"{one['port']}/{one['protocol']}" for one in found["ports"]]) == (reach, ports)
+    urls = [f"https://{one}" for one in reach if one.endswith(":6443")]
+    assert requirements(part(role), DEFAULTS, servers).server_urls == urls
+
+
+def test_a_server_that_is_alone_has_no_etcd() -> None:
+    assert [one["port"] for one in look("server", [])["ports"]] == [6443, 6444, 10250, 8472]
+
+
+def test_a_host_that_passes_is_beyond_what_k3s_acts_upon() -> None:
+    limits = requirements(part("agent"), DEFAULTS, []).disk_percent
+    assert limits["minimum"] > machines.EVICTION_FREE_PERCENT
+    assert limits["recommended"] > 100 - machines.IMAGE_GC_USED_PERCENT
+
+
+@pytest.mark.parametrize(("role", "minimum"), [("server", 900), ("agent", 400)])
+def test_memory_goes_by_the_part(role: str, minimum: int) -> None:
+    assert requirements(part(role), DEFAULTS, []).memory_mb["minimum"] == minimum

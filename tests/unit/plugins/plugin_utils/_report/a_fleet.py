@@ -6,22 +6,33 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Host, Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
 NOW = 1_795_536_750.0  # 2026-11-24T16:12:30Z
 
+# Rows of hosts and apps, as mappings; `status` makes sections of these.
+UP = {"name": "robot1", "group": "robots", "role": "agent", "cluster": "edge", "reachable": True}
+OFF = {**UP, "name": "robot2", "reachable": False, "reason": "timed out"}
+EDGE_OFF = {"name": "edge1", "group": "edge", "role": "server", "cluster": "edge", "reachable": False}
+
+
+def app(robot: str, ready: int = 0, **more: Any) -> dict[str, Any]:
+    row = {"name": "sensor", "namespace": f"robot-{robot}", "robot": robot, "ready": ready, "nodes": [robot]}
+    return {**row, **more}
+
+
+def status(**sections: Any) -> Status:
+    return read(Status, sections)
+
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:
     own = {"rosops.fleet/robot": name, "deploymentType": "local"} if name.startswith("robot") else {}
-    built_in = {
-        "kubernetes.io/hostname": name,
-        "beta.kubernetes.io/os": "linux",
-        "node.kubernetes.io/instance-type": "k3s",
-    }
+    built_in = {"kubernetes.io/hostname": name, "beta.kubernetes.io/os": "linux", "node.k3s.io/instance-type": "k3s"}
     condition = {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
     addresses = [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}]
     status = {"addresses": addresses, "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"}}
@@ -67,11 +78,9 @@ def claim(phase: str = "Bound") -> Object:
 
 
 SAMPLES = {"type": "demo/Sample", "publishers": ["/sensor"], "subscribers": ["/stats"], "rate": 499.83}
+SENSOR = {"pid": 1, "publications": ["/temperature", "/rosout"], "services": ["/s"]}
 GRAPH = {
-    "nodes": {
-        "/sensor": {"pid": 1, "publications": ["/temperature", "/rosout"], "services": ["/s"]},
-        "/ghost": {"error": "connection refused"},
-    },
+    "nodes": {"/sensor": SENSOR, "/ghost": {"error": "connection refused"}},
     "topics": {
         "/temperature": {**SAMPLES, "connections": [{"publisher": "/sensor", "subscriber": "/stats"}]},
         "/rosout": {"type": "rosgraph_msgs/Log"},
@@ -89,9 +98,7 @@ SOURCES: dict[str, Any] = {
         node("edge1", **{"node-role.kubernetes.io/control-plane": "true", "zone": "a"}),
     ],
     "deployments": [
-        workload("temperature-sensor"),
-        workload("stats", remote=True, ready=0),
-        workload("ros-master"),
+        *(workload("temperature-sensor"), workload("stats", remote=True, ready=0), workload("ros-master")),
         workload("not-ours", manager="helm"),
     ],
     "pods": [
@@ -109,9 +116,10 @@ SOURCES: dict[str, Any] = {
 def fleet_status(sources: dict[str, Any]) -> Status:
     kinds = {
         "Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims",
-        "StorageClass": "classes",
+        "StorageClass": "classes", "ConfigMap": "maps",
     }  # fmt: skip
     found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
-    held = cluster_rows([found], sources.get("usage", {}), NOW)
-    look = Look(replace(held, hosts=sources.get("hosts", ())), promised=sources.get("promised", {}))
-    return status_of(look, {robot: Reading.from_dict(one) for robot, one in sources.get("graphs", {}).items()})
+    held = replace(cluster_rows([found], sources.get("usage", {}), NOW), hosts=sources.get("hosts", ()))
+    promised = sources.get("promised", {})
+    graphs = {robot: Reading.from_dict(one, promised) for robot, one in sources.get("graphs", {}).items()}
+    return status_of(held, graphs)

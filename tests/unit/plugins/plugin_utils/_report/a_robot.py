@@ -63,4 +63,4 @@ def graph(broken: tuple[tuple[str, str], ...] = (), down: tuple[str, ...] = ()) 
 
 def rows(robot: str = "robot1", **more: Any) -> list[Link]:
     """As the section `links` has them."""
-    return links({robot: Reading.from_dict(graph(**more))})
+    return links({robot: Reading.from_dict(graph(**more), {})})

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass, replace
 from html.parser import HTMLParser
+from typing import Any
 
 VOID = frozenset({"meta", "link", "br", "hr", "img", "input"})
 # Where a link may lead: nothing is fetched before somebody follows it, and then nobody is told from where.
@@ -58,3 +60,16 @@ class Page(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self._open and self._open[-1] != "style":
             self.texts.append(data)
+
+
+def rewritten(value: Any, text: str) -> Any:
+    """A row, a section or a whole status with this in the place of every text, keys of mappings, too."""
+    if isinstance(value, str):
+        return text
+    if isinstance(value, tuple):
+        return tuple(rewritten(item, text) for item in value)
+    if isinstance(value, dict):
+        return {f"{text}{number}": rewritten(item, text) for number, item in enumerate(value.values())}
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{item.name: rewritten(getattr(value, item.name), text) for item in fields(value)})
+    return value

@@ -6,23 +6,19 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_level, hosts_off, level
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import host_columns
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Claim, Status, some
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import some
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import grid
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.a_fleet import (
+    EDGE_OFF,
+    OFF,
+    UP,
+    app,
+    status,
+)
 
-UP = {"name": "robot1", "group": "robots", "reachable": True}
-OFF = {"name": "robot2", "group": "robots", "reachable": False, "reason": "timed out"}
-EDGE_OFF = {"name": "edge1", "group": "edge", "reachable": False}
-
-
-def app(robot: str, ready: int = 1, **more: Any) -> dict[str, Any]:
-    return {"name": "sensor", "robot": robot, "ready": ready, "nodes": [robot], **more}
-
-
-def status(**sections: Any) -> Status:
-    return read(Status, sections)
+HALF = {"bound": True, "size": "1Ki", "used_bytes": 512}
 
 
 @pytest.mark.parametrize(
@@ -34,16 +30,19 @@ def status(**sections: Any) -> Status:
         ("nodes", {"ready": True, "reason": ""}, "ok"),
         ("nodes", {"ready": True, "reason": "cordoned"}, "warn"),
         ("nodes", {"ready": False, "reason": "NodeStatusUnknown"}, "bad"),
-        ("apps", app("robot1"), "ok"),
+        ("apps", app("robot1", 1), "ok"),
         ("apps", app("robot1", 0), "bad"),
         ("apps", app("robot1", 0, wanted=0), "ok"),
         ("went_back", {"name": "sensor"}, "warn"),
         ("ended", {"node": "/map"}, "warn"),
         ("ros_nodes", {"reachable": False}, "bad"),
         ("claims", {"bound": False}, "bad"),
-        ("claims", {"bound": True, "size": "1Ki", "used_bytes": 900}, "ok"),
-        ("claims", {"bound": True, "size": "1Ki", "used_bytes": 930}, "warn"),
-        ("claims", {"bound": True, "size": "1Gi", "used_bytes": None}, "ok"),
+        ("claims", {**HALF, "used_bytes": 921}, "ok"),
+        ("claims", {**HALF, "used_bytes": 922}, "warn"),
+        *(
+            ("claims", {**HALF, **unknown}, "ok")
+            for unknown in ({"used_bytes": None}, {"size": ""}, {"size": "much"}, {"size": "0"})
+        ),
         ("outcomes", {"outcome": "updated"}, "ok"),
         ("outcomes", {"outcome": "deferred-busy"}, "warn"),
         ("outcomes", {"outcome": "rolled-back"}, "bad"),
@@ -55,7 +54,7 @@ def test_how_good_a_row_is(section: str, row: dict[str, Any], expected: str) -> 
 
 
 def test_what_goes_with_a_robot_that_is_off_is_no_worse_than_the_robot() -> None:
-    apps = [app("robot1", 0), app("robot2", 0), app("robot2", 0, nodes=["edge1"])]
+    apps = [app("robot1"), app("robot2"), app("robot2", nodes=["edge1"])]
     found = status(hosts=[UP, OFF], apps=apps)
     assert [level(row, hosts_off(found)) for row in found.apps] == ["bad", "warn", "bad"]
 
@@ -65,7 +64,7 @@ def test_what_is_unknown_is_not_green() -> None:
     found = status(
         hosts=[UP, OFF],
         nodes=[{"name": "robot1", "ready": True}, {"name": "robot2", "ready": False}],
-        apps=[app("robot1"), app("robot1", 0), app("robot2", 0), app("robot2")],
+        apps=[app("robot1", 1), app("robot1"), app("robot2"), app("robot2", 1)],
         ros_nodes=[{"robot": "robot1", "reachable": True}],
         claims=[{"robot": robot, "bound": True, "size": "1Gi", "used_bytes": used}
                 for robot, used in (("robot1", 5), ("robot1", None), ("robot2", None))],
@@ -85,11 +84,8 @@ def test_a_graph_that_could_not_be_read_is_unknown_and_so_is_a_cluster() -> None
     found = {count.section: count.words for count in counts(status(hosts=[UP, alone], problems=problems))}
     assert found["ros_nodes"] == "robot1, robot2 unknown"
     assert found["apps"] == found["nodes"] == "robot2 unknown"
-
-
-def test_a_shared_graph_is_that_of_all_robots() -> None:
-    rows = [{"robot": "(shared)", "reachable": True}]
-    assert [count.words for count in counts(status(hosts=[UP, OFF], ros_nodes=rows))][1:] == ["1 of 1 up"]
+    shared = [{"robot": "(shared)", "reachable": True}]  # that of all robots
+    assert [count.words for count in counts(status(hosts=[UP, OFF], ros_nodes=shared))][1:] == ["1 of 1 up"]
 
 
 def test_many_names_are_a_few_and_a_number() -> None:
@@ -102,8 +98,8 @@ def test_a_line_per_host() -> None:
     found = status(
         hosts=[UP, OFF],
         nodes=[{"name": "robot1", "ready": True}],
-        masters=[app("robot1")],
-        apps=[app("robot1"), app("robot1", 0)],
+        masters=[app("robot1", 1)],
+        apps=[app("robot1", 1), app("robot1")],
         ros_nodes=[{"robot": "robot1", "reachable": True}],
         topics=[{"robot": "robot1", "rate": 10.0}, {"robot": "robot1"}],
         outcomes=[{"host": "robot1", "outcome": "updated"}],
@@ -113,11 +109,3 @@ def test_a_line_per_host() -> None:
         ["robot2", "robots", "offline", None, "", "", "", None, "", None],
     ]
     assert [host_level(found, host) for host in found.hosts] == ["bad", "warn"]
-
-
-@pytest.mark.parametrize(
-    ("size", "used", "share"),
-    [("1Ki", 512, 0.5), ("", 512, None), ("much", 512, None), ("1Ki", None, None), ("0", 1, None)],
-)
-def test_how_full_a_claim_is(size: str, used: int | None, share: float | None) -> None:
-    assert Claim(size=size, used_bytes=used).used_share == share

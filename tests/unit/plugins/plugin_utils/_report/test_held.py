@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
@@ -31,18 +30,14 @@ def test_masters_helpers_and_apps() -> None:
     assert sensor == Workload(
         "robot1", "temperature-sensor", "robot-robot1", "local", 1, 1, ("robot1",), ("10.42.0.7",), ("lab/apps:1.0",), 2
     )
+    shared = workload("map-server", remote=True)  # of the whole fleet
+    del shared["metadata"]["labels"]["rosops.fleet/robot"]
     names = ("ros-master", "ros-keeper", "ros-exporter", "sensor")
-    status = fleet_status({"hosts": HOSTS, "deployments": [workload(name) for name in names]})
-    assert [row.name for row in status.apps] == ["sensor"]
+    status = fleet_status({"hosts": HOSTS, "deployments": [*map(workload, names), shared]})
+    assert [(row.robot, row.name) for row in status.apps] == [("(shared)", "map-server"), ("robot1", "sensor")]
     assert [row.name for row in status.helpers] == ["ros-exporter", "ros-keeper"]
     told = {count.section: count.words for count in counts(status)}
-    assert (told["apps"], told["helpers"]) == ("1 of 1 ready", "2 of 2 ready")
-
-
-def test_an_app_of_the_whole_fleet() -> None:
-    shared = workload("map-server", remote=True)
-    del shared["metadata"]["labels"]["rosops.fleet/robot"]
-    assert fleet_status({"deployments": [shared]}).apps[0].robot == "(shared)"
+    assert (told["apps"], told["helpers"]) == ("2 of 2 ready", "2 of 2 ready")
 
 
 def test_a_version_that_the_keeper_took_back() -> None:
@@ -92,17 +87,15 @@ def test_claims() -> None:
     assert replace(pending, note="", unused=False) == asked
 
 
-def mounts(name: str, **more: Any) -> Object:
-    there = workload(name)
-    there["spec"]["template"]["spec"]["volumes"] = [{"persistentVolumeClaim": {"claimName": "logs-pvc"}}]
-    return {**there, **more}
+MOUNTS = workload("rosbag")
+MOUNTS["spec"]["template"]["spec"]["volumes"] = [{"persistentVolumeClaim": {"claimName": "logs-pvc"}}]
 
 
 @pytest.mark.parametrize(
     ("mode", "apps", "unused", "note"),
     [
         ("WaitForFirstConsumer", [workload("other")], True, "waits for its first consumer, and none "),
-        ("WaitForFirstConsumer", [mounts("rosbag")], False, "waits for the pod of Deployment rosbag"),
+        ("WaitForFirstConsumer", [MOUNTS], False, "waits for the pod of Deployment rosbag"),
         ("Immediate", [workload("other")], False, "Pending: no volume is bound yet"),
     ],
 )
@@ -112,7 +105,7 @@ def test_a_claim_that_nobody_mounts_is_in_order(mode: str, apps: list[Object], u
     status = fleet_status({"claims": [claim("Pending")], "classes": classes, "deployments": apps})
     [row] = status.claims
     assert row.unused is unused and row.note.startswith(note)
-    about = [one.told.what for one in attention(status) if one.section == "claims"]
+    about = [one.told.what for one in attention(status) if one.told.where == "claim logs-pvc of robot1"]
     assert about == ([] if unused else [row.note])
 
 
@@ -157,14 +150,15 @@ def test_what_ended_lately_and_is_not_ready_is_one_finding() -> None:
 
 
 def test_a_node_is_off_unless_it_says_that_it_is_ready() -> None:
-    def said(name: str, *conditions: tuple[str, str]) -> Object:
-        status = {"conditions": [{"type": kind, "status": status} for kind, status in conditions]}
-        return {"metadata": {"name": name}, "status": status}
-
+    said = {
+        **{"on": {"DiskPressure": "False", "Ready": "True"}, "away": {"Ready": "Unknown"}},
+        **{"broken": {"DiskPressure": "True", "Ready": "False"}, "new": {}},
+    }
     nodes = [
-        said("on", ("DiskPressure", "False"), ("Ready", "True")),
-        said("away", ("Ready", "Unknown")),
-        said("broken", ("DiskPressure", "True"), ("Ready", "False")),
-        said("new"),
+        {
+            "metadata": {"name": name},
+            "status": {"conditions": [{"type": one, "status": on} for one, on in found.items()]},
+        }
+        for name, found in said.items()
     ]
     assert nodes_off(nodes) == ["away", "broken", "new"]

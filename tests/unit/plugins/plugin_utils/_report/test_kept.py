@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a cluster keeps of the last runs, and what a look makes of it."""
+"""What a cluster keeps of the last runs, and what a look makes of that."""
 
 from __future__ import annotations
 
@@ -8,10 +8,17 @@ from dataclasses import replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REASON_KEPT, keep, kept_runs, kept_steps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
+    REASON_KEPT,
+    REF,
+    keep,
+    last_runs,
+    last_steps,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status, Step
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult, events_map
 
 WHEN = "2026-11-22T06:00:00Z"
@@ -49,10 +56,6 @@ def kept_of(*runs: HostRun) -> dict[str, Any]:
     return found
 
 
-def shown(*runs: HostRun) -> Status:
-    return status_of(Look(Status(), runs=runs), {})
-
-
 def test_what_was_kept_is_shown_on_another_control_node() -> None:
     edge = replace(RUN, host="edge1", outcome=replace(RUN.outcome, outcome="failed"), failed_task="Start k3s")
     kept = kept_of(RUN, edge)
@@ -60,39 +63,42 @@ def test_what_was_kept_is_shown_on_another_control_node() -> None:
         "host": "robot1", "playbook": "update.yml", "started": WHEN, "outcome": "rolled-back", "changed": 2,
         "reason": "an edge is missing", "failed_task": None,
     }  # fmt: skip
-    found = shown(*kept_runs(kept))
-    assert found.outcomes == (
-        LastRun("edge1", "failed", "update.yml", WHEN, 2, "an edge is missing (task: Start k3s)"),
-        LastRun("robot1", "rolled-back", "update.yml", WHEN, 2, "an edge is missing"),
-    )
-    assert found.problems == ()
+    elsewhere = kept_of(replace(RUN, started="2026-11-21T06:00:00Z"))  # the cluster that the robot was in before
+    for maps in ([kept, elsewhere], [elsewhere, kept]):
+        assert last_runs([*maps, {**elsewhere, "metadata": {"name": REF.name, "namespace": "mine"}}]) == [
+            LastRun("edge1", "failed", "update.yml", WHEN, 2, "an edge is missing (task: Start k3s)"),
+            LastRun("robot1", "rolled-back", "update.yml", WHEN, 2, "an edge is missing"),
+        ]
 
 
 def test_a_long_reason_is_cut_and_what_somebody_spoilt_is_left_out() -> None:
-    kept = kept_of(replace(RUN, outcome=RobotOutcome("failed", "x" * 9999)))
+    kept = kept_of(replace(RUN, outcome=RobotOutcome("failed", "half\nthe rate\n" + "x" * 9999)))
     odd = '{"host": "robot5", "playbook": "", "started": "", "changed": "a"}'
     kept["data"] |= {"robot2": "{", "robot3": "[]", "robot4": "{}", "robot5": odd}
-    (run,) = kept_runs(kept)
-    assert len(run.outcome.reason) == REASON_KEPT
-    assert kept_runs(None) == kept_runs({"data": None}) == []
+    assert [run.note for run in last_runs([kept])] == ["half the rate"]
+    assert len(json.loads(kept["data"]["robot1"])["reason"]) == REASON_KEPT
+    assert last_runs([]) == last_runs([{**kept, "data": None}]) == []
 
 
 def test_the_latest_steps_are_those_of_the_robots_own_record() -> None:
     running = StepResult("def", "map", ("map",), "drain", {}, {}, 1795327300.0, {"wait": 5.0})
     record = events_map([STEP], "robot1", (), running)
-    foreign: dict[str, Any] = {
-        "metadata": {"name": "robot-updates", "namespace": "mine"},
-        "data": {"updates.json": "{}"},
-    }
-    found = shown(*kept_steps([record, foreign]))
-    assert [(row.robot, row.name, row.outcome) for row in found.steps] == [
-        ("robot1", "talker, listener", "updated"),
-        ("robot1", "map", "running"),
-    ]
-    step, now = found.steps
-    assert (step.id, step.before, step.after) == ("abc", ("a:1 (11111111)",), ("a:2 (22222222)",) * 2)
-    assert (step.seconds, step.busy_wait, step.handoff) == (3.5, 1.0, "overlap")
-    assert now.note == "begun 2026-11-22T06:01:40Z"
-    assert found.outcomes == ()
+    old = events_map([replace(STEP, id="old", started=1795000000.0)], "robot1", ())  # of the cluster before
+    metadata = {"name": "robot-updates", "namespace": "mine"}
+    foreign: dict[str, Any] = {"metadata": metadata, "data": {"updates.json": "{}"}}
+    phases = {"wait": 1.0, "apply": 2.5}
+    before, after = ("a:1 (11111111)",), ("a:2 (22222222)",) * 2
+    updated = Step("robot1", "talker, listener", "abc", "overlap", "updated", before, after, 3.5, 1.0, phases)
+    begun = "begun 2026-11-22T06:01:40Z"
+    now = Step("robot1", "map", "def", "drain", "running", (), (), 5.0, 5.0, {"wait": 5.0}, begun)
+    for maps in ([old, record, foreign], [record, old]):
+        assert last_steps(maps) == [updated, now]
+    found = cluster_rows([{"ConfigMap": [record]}, {"ConfigMap": [kept_of(RUN)]}], {}, 0.0)
+    assert (found.steps, [row.host for row in found.outcomes]) == ((updated, now), ["robot1"])
+    text = status_text(found)
+    assert "LAST OUTCOMES\n  host    outcome      run         started                  changed  note\n" in text
+    assert "robot1  talker, liste..  overlap  updated  a:1 (11111111)  a:2 (22222222..  3.5 " in text
+    [told, _now] = Status(steps=(updated, now)).as_dict()["steps"]
+    assert (told["from"], told["to"], "before" in told) == ([*before], [*after], False)
     spoilt = {**record, "data": {"updates.json": '{"updates": [{"app": "a", "started": 1, "phases": 7}]}'}}
-    assert kept_steps([spoilt]) == []
+    assert last_steps([spoilt]) == []

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report import look
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
@@ -55,7 +56,7 @@ def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None
 
 
 def promise(least: float) -> dict[str, Any]:
-    return {"robot1": {"/imu": Promise(least, "bringup", "robot1")}}
+    return {"/imu": Promise(least, "bringup", "robot1")}
 
 
 @pytest.mark.parametrize(
@@ -87,9 +88,7 @@ def test_rates_are_held_against_what_was_promised(rate: float | None, least: flo
 
 
 def test_a_promised_topic_that_nobody_publishes() -> None:
-    """Only of an app that is there: what the inventory has new is no fault of the robot."""
     sources: dict[str, Any] = {"graphs": {"robot1": {}}, "promised": promise(90)}
-    assert fleet_status(sources).topics == ()
     status = fleet_status({**sources, "deployments": [workload("bringup")]})
     assert [level_of(row) for row in status.topics] == ["bad"]
     assert [one.told.what for one in attention(status)] == ["nobody publishes it; bringup promises at least 90 Hz"]
@@ -98,16 +97,15 @@ def test_a_promised_topic_that_nobody_publishes() -> None:
 
 
 def test_nothing_found() -> None:
-    assert look.status_of(look.Look(Status()), {}) == fleet_status({}) == Status()
+    assert fleet_status({}) == Status()
     text = status_text(Status())
     assert text.count("  none") == 8 and "HOSTS\n  none\n" in text and "LAST" not in text and "ENDED" not in text
 
 
 def test_what_is_handed_on_between_the_tasks_is_the_same_afterwards() -> None:
-    sources = {**SOURCES, "promised": promise(5)}
-    seen = look.Look(fleet_status(sources), promised=sources["promised"], name="demo")
-    assert look.Look.from_dict(json.loads(json.dumps(seen.as_dict()))) == seen
-    assert look.Look.from_dict({"graphs": {}, "hosts": [{"name": "a"}]}).status == Status(hosts=(Host("a"),))
+    asked = look.Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7",), promise(5))
+    seen = look.Look(fleet_status(SOURCES), {"robot1": asked}, "demo")
+    assert read(look.Look, json.loads(json.dumps(plain(seen)))) == seen
 
 
 PAGE = """\
@@ -132,7 +130,7 @@ ROS MASTERS
 
 APPS
   robot   app                 placement  ready  node    restarts  image         note
-  robot1  stats               remote     0/1    edge1   0         lab/apps:1.0  ImagePullBackOff: image lab/..
+  robot1  stats               remote     0/1    edge1   0         lab/apps:1.0  ImagePullBackOff: image lab/apps:1.0:..
   robot1  temperature-sensor  local      1/1    robot1  2         lab/apps:1.0  -
 
 ROS NODES
@@ -156,12 +154,13 @@ CLAIMS
 
 
 def test_the_page() -> None:
-    assert status_text(fleet_status(SOURCES), width=110) == PAGE
+    assert status_text(fleet_status(SOURCES)) == PAGE
 
 
 # ---- clusters
 
 PATIENT = 60.0
+EVERYTHING = [*look.KINDS, "ConfigMap"]
 
 
 class Cluster:
@@ -169,11 +168,10 @@ class Cluster:
 
     closed: list[str] = []  # noqa: RUF012 - one list for the clusters of a test
 
-    def __init__(self, name: str, before: Any = None) -> None:
+    def __init__(self, name: str, before: Callable[[], object] = int) -> None:
         if name == "none":
             raise KubeError("No usable Kubernetes credentials in none")
         self.name, self.before = name, before
-        self.asked: list[tuple[str, str]] = []
 
     def __enter__(self) -> Cluster:
         return self
@@ -181,93 +179,65 @@ class Cluster:
     def __exit__(self, *unused: object) -> None:
         self.closed.append(self.name)
 
-    def get(self, ref: Ref) -> Any:
-        return (
-            {"data": {"robot1": '{"host": "robot1", "playbook": "update.yml", "started": ""}'}}
-            if ref.name == "rosops-outcomes"
-            else None
-        )
-
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Any]:
-        if kind == "ConfigMap":
-            assert fields == "metadata.name=robot-updates"  # all maps together are megabytes
-            return []
-        assert namespace == "" and self.name not in self.closed
-        if self.before:
-            self.before()
+        assert self.name not in self.closed
+        self.before()
         if self.name == "away" or (self.name == "half" and kind == "Pod"):
             raise KubeError("connection refused")
-        self.asked.append((kind, labels))
-        return [f"{kind} of {self.name}"]
+        return [f"{namespace}{labels}{fields} of {self.name}"]
 
 
-def opened(name: str) -> Any:
-    return Cluster(name)
+@pytest.fixture(autouse=True)
+def nothing_closed() -> None:
+    Cluster.closed.clear()
+
+
+def opened(name: str, before: Callable[[], object] = int) -> Any:
+    return partial(Cluster, name, before)
 
 
 def test_everything_that_is_shown_is_asked_for_once() -> None:
-    made: list[Cluster] = []
-
-    def good() -> Any:
-        made.append(Cluster("good"))
-        return made[0]
-
-    answer = look.ask({"edge": good}, PATIENT)["edge"]
-    assert answer.problem == ""
-    assert answer.objects == {kind: [f"{kind} of good"] for kind in look.KINDS}
-    assert made[0].asked == list(look.KINDS.items())
-    assert made[0].closed[-1] == "good"
-    assert [run.playbook for run in answer.runs] == ["update.yml"]
+    answer = look.ask({"edge": opened("good")}, PATIENT)["edge"]
+    maps = ["kube-systemmetadata.name=rosops-outcomes of good", "metadata.name=robot-updates of good"]
+    asked = {kind: [f"{labels} of good"] for kind, labels in look.KINDS.items()}
+    assert answer == look.Answer({**asked, "ConfigMap": maps})
+    assert Cluster.closed == ["good"]
 
 
 def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
-    Cluster.closed.clear()
     given = {"a": "none", "b": "away", "c": "half", "d": "good"}
-    answers = look.ask({name: partial(opened, api) for name, api in given.items()}, PATIENT)
+    answers = look.ask({name: opened(api) for name, api in given.items()}, PATIENT)
     assert {name: one.problem for name, one in answers.items()} == {
         "a": "No usable Kubernetes credentials in none",
         "b": "connection refused",
         "c": "connection refused",
         "d": "",
     }
-    assert [list(one.objects) for one in answers.values()] == [[], [], ["Node", "Deployment"], list(look.KINDS)]
+    assert [list(one.objects) for one in answers.values()] == [[], [], ["Node", "Deployment"], EVERYTHING]
     assert sorted(Cluster.closed) == ["away", "good", "half"]
 
 
 def test_they_are_asked_side_by_side() -> None:
-    Cluster.closed.clear()
     meeting = threading.Barrier(3)  # each waits for the others: one after the other this would never end
-
-    def meets() -> Any:
-        return Cluster("good", lambda: meeting.wait(PATIENT))
-
+    meets = opened("good", partial(meeting.wait, PATIENT))
     assert not any(one.problem for one in look.ask(dict.fromkeys("abc", meets), PATIENT).values())
 
 
 def test_one_that_never_answers_is_given_up() -> None:
-    Cluster.closed.clear()
     end = threading.Event()
-
-    def slow() -> Any:
-        return Cluster("slow", lambda: end.wait(PATIENT))
-
     try:
-        answers = look.ask({"a": slow, "b": partial(opened, "good")}, 0.2)
+        answers = look.ask({"a": opened("slow", partial(end.wait, PATIENT)), "b": opened("good")}, 0.2)
     finally:
         end.set()
     assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")
-    assert list(answers["b"].objects) == list(look.KINDS)
+    assert list(answers["b"].objects) == EVERYTHING
 
 
 # ---- hosts
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
-VARIABLES: dict[str, dict[str, Any]] = {
-    "edge1": {"ansible_host": "10.0.0.11"},
-    "robot1": {},
-    "robot2": {},
-    "lone": {"robot_mode": "standalone"},
-}
+HOSTVARS: tuple[dict[str, Any], ...] = ({"ansible_host": "10.0.0.11"}, {}, {}, {"robot_mode": "standalone"})
+VARIABLES = dict(zip(("edge1", "robot1", "robot2", "lone"), HOSTVARS))
 OFF = {"unreachable": True, "msg": "Task failed: timed out"}
 
 
@@ -294,75 +264,69 @@ def test_rows_of_hosts() -> None:
     assert robot == Host("robot2", "robots", "robot2", "agent", "edge", False, "timed out")
 
 
-def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:
-    asked, silent = look.clusters_of(found(off=("edge1",)))
-    assert (list(asked), silent) == (["lone"], {"edge": "its servers are unreachable"})
+THREE = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
 
 
-def test_servers_outside_of_the_limit_may_be_up() -> None:
-    asked, silent = look.clusters_of(found("robot1", "robot2", off=("robot1",)))
-    assert (list(asked), silent) == (["edge"], {})
+@pytest.mark.parametrize(
+    ("hosts", "asked", "silent"),
+    [
+        (found(off=("edge1",)), ["lone"], {"edge": "its servers are unreachable"}),
+        (found("robot1", "robot2", off=("robot1",)), ["edge"], {}),  # a server outside of the limit may be up
+        ([look.Member(name, "", THREE, away=None if name == "c" else "off") for name in THREE.servers], ["edge"], {}),
+    ],
+)
+def test_a_cluster_whose_servers_are_off_is_not_waited_for(
+    hosts: list[look.Member], asked: list[str], silent: dict[str, str]
+) -> None:
+    which, why = look.clusters_of(hosts)
+    assert (list(which), why) == (asked, silent)
 
 
-def test_one_server_that_answers_is_enough() -> None:
-    part = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
-    hosts = [look.Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
-    assert list(look.clusters_of(hosts)[0]) == ["edge"]
+OWN = {
+    "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
+    "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
+}
+OF_ALL = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
+SHARED = {"ros_master_mode": "shared"}
+EXTERNAL = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
+THERE = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
+LONE = ("lone", "http://10.43.0.8:11311", ("10.42.0.9",))  # it shares with nobody
+EVERYBODYS = ("(shared)", "http://10.43.0.9:11311", ("10.42.0.7", "10.42.0.9"))
 
 
-def test_every_robot_reads_its_own_masters_graph() -> None:
-    services = {
-        "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
-        "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
-    }
-    apps = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
-    assert look.graphs_to_read(found(), services, apps) == {
-        "robot1": look.Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
-        "robot2": look.Asked("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
-        "lone": look.Asked("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
-    }
-
-
-def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
-    services = {"edge": [service("robot-robot1", "10.43.0.1")]}
-    assert look.graphs_to_read(found(off=("robot1",)), services, []) == {}
-
-
-def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
-    services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
-    every = {"ros_master_mode": "shared"}
-    lone = look.Asked("lone", "http://10.43.0.8:11311")  # shares with nobody
-    shared = look.Asked("(shared)", "http://10.43.0.9:11311", ("10.42.0.7",))
-    apps = [pods("robot2", "10.42.0.7")]
-    assert look.graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
-    assert look.graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
-
-
-def test_an_external_master_needs_no_service() -> None:
-    external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
-    assert look.graphs_to_read(found(robot2=external), {}, []) == {"robot2": look.Asked("robot2", "http://hall:11311")}
+@pytest.mark.parametrize(
+    ("hosts", "services", "read"),
+    [
+        (
+            found(),
+            OWN,
+            {
+                "robot1": ("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
+                "robot2": ("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
+                "lone": ("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
+            },
+        ),
+        (found(off=("robot1",)), {"edge": OWN["edge"][:1]}, {}),  # it is off, and the others have no master
+        (found(every=SHARED), OF_ALL, {"robot1": EVERYBODYS, "lone": LONE}),
+        (found(every=SHARED, off=("robot1",)), OF_ALL, {"robot2": EVERYBODYS, "lone": LONE}),
+        (found(robot2=EXTERNAL), {}, {"robot2": ("robot2", "http://hall:11311", ("10.42.0.9",))}),
+    ],
+)
+def test_who_reads_whose_graph(hosts: list[look.Member], services: Any, read: dict[str, Any]) -> None:
+    """A shared master's is read by the first robot that answers."""
+    assert look.graphs_to_read(hosts, services, THERE) == {host: look.Asked(*asked) for host, asked in read.items()}
 
 
 def test_what_volumes_hold() -> None:
     path = "/var/lib/rancher/k3s/storage/pvc-3f_robot-robot1_logs-pvc"
-    assert look.usage_of(
-        [
-            {"stdout_lines": [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"]},
-            {"stdout_lines": []},
-            OFF,
-            {"stdout_lines": ["7\t/var/lib/rancher/k3s/storage/pvc-aa_fleet_maps"]},
-        ]
-    ) == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
+    said = [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"], ["7\t/k3s/storage/pvc-aa_fleet_maps"], []
+    found = look.usage_of([{"stdout_lines": lines} for lines in said] + [OFF])
+    assert found == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
 
 
 def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
-    results: dict[str, Any] = {
-        "fine": {"rc": 0},
-        "empty": {"rc": 1},
-        "slow": {"rc": 124},
-        "stuck": {"rc": 137},
-        "off": OFF,
-    }
+    codes = {"fine": 0, "empty": 1, "slow": 124, "stuck": 137}
+    results: dict[str, Any] = {**{host: {"rc": code} for host, code in codes.items()}, "off": OFF}
     assert [problem.where for problem in look.unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
 
 
@@ -370,5 +334,9 @@ def test_rates_that_apps_promise() -> None:
     topics = [{"name": "odom", "min_rate": 18}, {"name": "~own", "min_rate": 5}, {"name": "/scan", "publishers": 2}]
     app = {"name": "base", "image": "a:1", "command": ["a"], "pattern": "pubsub", "readiness": {"topics": topics}}
     fused = {**app, "name": "fused", "readiness": {"topics": [{"name": "/scan", "min_rate": 10, "publishers": 2}]}}
-    told = look.promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
-    assert told == {"robot1": {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}}
+    hosts = found("robot1", "edge1", robot1={"ros_apps": [app, fused, {**app, "name": "new"}]})
+    there = [Workload("robot1", name) for name in ("base", "fused")]  # what the inventory has new promises nothing yet
+    told = look.promised_rates(hosts, there)
+    assert told == {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}
+    services = {"edge": [service("robot-robot1", "10.43.0.1")]}
+    assert look.graphs_to_read(hosts, services, there)["robot1"].promised == told

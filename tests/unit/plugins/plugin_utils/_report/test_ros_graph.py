@@ -66,7 +66,7 @@ def test_the_topics_of_an_action_are_one_link() -> None:
         graph = a_robot.graph()
         part = graph["topics"]["/move_base/goal" if publisher == "/mission" else "/move_base/result"]
         part["connections"].remove({"publisher": publisher, "subscriber": subscriber})
-        [link] = [one for one in links({"robot1": Reading.from_dict(graph)}) if one.action]
+        [link] = [one for one in links({"robot1": Reading.from_dict(graph, {})}) if one.action]
         assert link.broken == (("/mission", "/move_base"),)
 
 

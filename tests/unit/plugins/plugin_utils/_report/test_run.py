@@ -15,14 +15,8 @@ OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
 FAILED = {**OK, "failures": 1}
 DARK = {"ok": 0, "unreachable": 1}
-UNMET = {
-    "verdict": "wait",
-    "elapsed": 60.02,
-    "checks": [
-        {"kind": "node", "name": "/talker", "verdict": "pass", "reason": ""},
-        {"kind": "topic", "name": "/chatter", "verdict": "wait", "reason": "no publisher"},
-    ],
-}
+HOLDS = {"kind": "node", "name": "/talker", "verdict": "pass", "reason": ""}
+SILENT = {"kind": "topic", "name": "/chatter", "verdict": "wait", "reason": "no publisher"}
 
 
 def started(*hosts: str, **info: Any) -> RunReport:
@@ -37,8 +31,8 @@ def row(report: RunReport, host: str = "robot1", **stats: Any) -> dict[str, Any]
     return next(one for one in rows if one["host"] == host)
 
 
-def outcome(report: RunReport, counts: dict[str, int]) -> tuple[str, str]:
-    found = row(report, robot1=counts)
+def outcome(report: RunReport, host: str = "robot1", **stats: Any) -> tuple[str, str]:
+    found = row(report, host, **stats)
     return found["outcome"], found["reason"]
 
 
@@ -79,7 +73,7 @@ def test_what_becomes_of_a_host(
     report = started()
     for at, (what, result) in enumerate(events):
         getattr(report, what)("t1", "robot1", result, 2.0 + at)
-    assert outcome(report, counts) == expected
+    assert outcome(report, robot1=counts) == expected
 
 
 def test_changed_tasks_are_named_once_and_the_one_that_failed() -> None:
@@ -97,9 +91,9 @@ def test_changed_tasks_are_named_once_and_the_one_that_failed() -> None:
 def test_a_run_once_failure_ends_the_run_for_all() -> None:
     report = started("robot1", "robot2", for_all=True)
     report.failed("t1", "robot1", {"msg": "bad input"}, 2.0)
-    other = row(report, "robot2", robot1=FAILED, robot2=OK)
-    assert (other["outcome"], other["reason"]) == ("failed", "not carried on: Apply failed on robot1 for all hosts")
-    assert row(report, "robot2", robot1={**OK, "rescued": 1}, robot2=OK)["outcome"] == "unchanged"
+    why = "not carried on: Apply failed on robot1 for all hosts"
+    assert outcome(report, "robot2", robot1=FAILED, robot2=OK) == ("failed", why)
+    assert outcome(report, "robot2", robot1={**OK, "rescued": 1}, robot2=OK) == ("unchanged", "")
 
 
 @pytest.mark.parametrize("how", ["failed", "unreachable"])
@@ -108,18 +102,16 @@ def test_what_ended_the_run_is_told_of_those_for_whom_there_was_more_to_do(how: 
     report = started("robot1")
     report.play("Images are on the edge hosts", ["edge1"], 2.0)
     getattr(report, how)("t1", "edge1", {"msg": "no such host"}, 3.0)
-    counts = {"edge1": FAILED if how == "failed" else DARK, "robot1": OK}
     report.cut_short()
-    found = {host["host"]: host for host in report.finish(counts, 4.0).as_dict()["hosts"]}
+    counts = {"edge1": FAILED if how == "failed" else DARK, "robot1": OK}
     told = "Apply failed" if how == "failed" else "the connection was lost"
-    assert found["robot1"]["outcome"] == "failed"
-    assert found["robot1"]["reason"] == f"not carried on: the run ended on edge1: {told}: no such host"
-    assert found["edge1"]["reason"] == "no such host"
+    why = f"not carried on: the run ended on edge1: {told}: no such host"
+    assert outcome(report, **counts) == ("failed", why)
+    assert outcome(report, "edge1", **counts)[1] == "no such host"
 
 
 def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
-    found = row(started("robot1", "robot2"), "robot2", robot1=OK)
-    assert (found["outcome"], found["reason"]) == ("unchanged", "no task ran for it")
+    assert outcome(started("robot1", "robot2"), "robot2", robot1=OK) == ("unchanged", "no task ran for it")
 
 
 @pytest.mark.parametrize("action", ["_robot_update", "_update_soak", "_guarded", "other"])
@@ -128,7 +120,7 @@ def test_an_update_says_its_outcome_itself(action: str) -> None:
     report = started()
     report.task("t2", Task("Do it", f"rosops.fleet.{action}"), 1.0)
     report.ok("t2", "robot1", said, 2.0)
-    assert outcome(report, OK)[0] == ("unchanged" if action == "other" else "deferred-busy")
+    assert outcome(report)[0] == ("unchanged" if action == "other" else "deferred-busy")
     assert [step["name"] for step in row(report)["steps"]] == ([] if action == "other" else ["dock"])
 
 
@@ -139,17 +131,14 @@ def test_actions_that_say_an_outcome_are_there() -> None:
 
 def test_the_verdicts_of_our_own_waits() -> None:
     report = started()
-    report.failed("t1", "robot1", UNMET, 2.0)
+    report.failed("t1", "robot1", {"verdict": "wait", "elapsed": 60.02, "checks": [HOLDS, SILENT]}, 2.0)
     unmet = ["topic /chatter: no publisher"]
     assert row(report)["ready"] == {"verdict": "wait", "elapsed": 60.02, "checks": 2, "unmet": unmet}
     assert row(report)["rollout"] is None
     report.task("t2", Task("Wait", "rollout_ready"), 2.0)
-    rows = [
-        {"kind": "Pod", "namespace": "n", "name": "a", "verdict": "fail", "reason": "ErrImagePull"},
-        {"kind": "Pod", "namespace": "n", "name": "b", "verdict": "pass", "reason": "ready"},
-    ]
-    report.failed("t2", "robot1", {"objects": rows, "elapsed": 2.5}, 3.0)
-    assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["Pod n/a: ErrImagePull"]}
+    objects = [{"namespace": "n", **one} for one in (HOLDS, SILENT)]
+    report.failed("t2", "robot1", {"objects": objects, "elapsed": 2.5}, 3.0)
+    assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["topic n//chatter: no publisher"]}
 
 
 def test_durations_of_tasks_stages_and_plays() -> None:
@@ -166,25 +155,17 @@ def test_durations_of_tasks_stages_and_plays() -> None:
     done = report.finish({"a": OK, "b": CHANGED}, 10.0).as_dict()
     assert done["plays"] == [{"name": "First", "seconds": 5.0}, {"name": "Second", "seconds": 4.0}]
     assert done["stages"] == [{"name": "k3s", "seconds": 4.5}, {"name": "First", "seconds": 0.5}]
-    assert done["slowest_tasks"][0] == {
-        "name": "Install",
-        "action": "k3s",
-        "play": "First",
-        "stage": "k3s",
-        "seconds": 4.5,
-        "hosts": 2,
-        "changed": 1,
-    }
+    where = {"name": "Install", "action": "k3s", "play": "First", "stage": "k3s"}
+    assert done["slowest_tasks"][0] == {**where, "seconds": 4.5, "hosts": 2, "changed": 1}
     assert (done["elapsed"], done["tasks"], done["outcomes"]) == (10.0, 2, {"updated": 1, "unchanged": 1})
 
 
 def test_ten_slowest_tasks() -> None:
     report = RunReport(0.0)
-    report.play("P", ["a"], 0.0)
     for number in range(15):
         report.task(f"t{number}", Task(f"task {number}", "command"), number * 100.0)
         report.ok(f"t{number}", "a", {}, number * 100.0 + number)
-    names = [task["name"] for task in report.finish({"a": OK}, 2000.0).as_dict()["slowest_tasks"]]
+    names = [task["name"] for task in report.finish({"a": OK}, 2000.0).slowest_tasks]
     assert names == [f"task {number}" for number in range(14, 4, -1)]
 
 
@@ -226,8 +207,7 @@ def example(check_mode: bool = False) -> Report:
     report.ok("t1", "robot1", {"changed": True, "verdict": "pass", "elapsed": 3.21, "checks": []}, 4.0)
     report.failed("t1", "robot2", {"msg": "no\nsuch image"}, 4.0)
     report.unreachable("t1", "robot3", {"msg": "Connection timed out"}, 4.0)
-    stats = {"edge1": OK, "robot1": CHANGED, "robot2": FAILED, "robot3": DARK}
-    return report.finish(stats, 9.5, check_mode=check_mode)
+    return report.finish({"edge1": OK, "robot1": CHANGED, "robot2": FAILED, "robot3": DARK}, 9.5, check_mode=check_mode)
 
 
 @pytest.mark.parametrize(

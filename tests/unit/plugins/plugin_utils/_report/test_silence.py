@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import HOSTS, LOOK, Silence
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Word
 
@@ -40,13 +42,14 @@ def test_a_long_task_speaks_before_fifteen_seconds_and_again() -> None:
 def test_a_result_and_a_line_of_the_task_are_words_too() -> None:
     run = Run()
     run.silence.begins("Look")
-    run.passes(12)
-    run.silence.heard("robot1")
     assert run.passes(12) == []
-    run.word("robot2")
-    assert run.passes(12) == []
-    run.silence.begins("Next")
-    assert run.passes(12) == []
+    for word in (
+        partial(run.silence.heard, "robot1"),
+        partial(run.word, "robot2"),
+        partial(run.silence.begins, "Next"),
+    ):
+        word()
+        assert run.passes(12) == []
     assert run.passes(2) == ["Next: goes on for 14 s now"]
 
 
@@ -67,14 +70,11 @@ def test_an_update_says_where_it_stands_though_it_says_nothing_else() -> None:
     ]
 
 
-def test_the_line_has_an_end() -> None:
+def test_the_line_has_an_end_and_there_is_none_before_a_play() -> None:
     run = Run()
+    assert run.passes(60) == []
     run.silence.begins("Update")
     for number in range(HOSTS + 45):
         run.word(f"robot{number}", "record")
     (line,) = run.passes(14)
     assert line.endswith("; and 45 others")
-
-
-def test_nothing_is_said_before_a_play() -> None:
-    assert Run().passes(60) == []
