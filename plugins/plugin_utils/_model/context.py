@@ -110,10 +110,7 @@ class Robot:
 
     def app(self, name: str) -> App:
         """The app of this name; KeyError where there is none."""
-        for app in self.apps:
-            if app.name == name:
-                return app
-        raise KeyError(name)
+        return {app.name: app for app in self.apps}[name]
 
 
 def namespace_of(app: App, robot: Robot) -> str:

@@ -92,10 +92,8 @@ def clean_path(path: str) -> bool:
 def safe_host_path(path: str) -> bool:
     """Whether a pod may have this path of its host."""
     bare = path.rstrip("/")
-    safe = (
-        _SAFE.fullmatch(bare) is not None and bare not in UNSAFE_DEVICES and not {*PRIVATE_PARTS} & {*bare.split("/")}
-    )
-    return safe and clean_path(path)
+    private = bare in UNSAFE_DEVICES or {*PRIVATE_PARTS} & {*bare.split("/")}
+    return bool(_SAFE.fullmatch(bare)) and not private and clean_path(path)
 
 
 def device_path(path: str) -> bool:
@@ -124,18 +122,14 @@ def _host(text: str) -> bool:
 def _parses(parse: Callable[[str], object], text: str) -> bool:
     try:
         parse(text)
-    except ValueError:
+    except (ValueError, ZoneInfoNotFoundError, OSError):  # the last of a zone's name that is no file's
         return False
     return True
 
 
 def time_zone(text: str) -> bool:
     """Whether this machine's time zone database has it."""
-    try:
-        ZoneInfo(text)
-    except (ZoneInfoNotFoundError, ValueError, OSError):  # the last two of names that are no file's
-        return False
-    return True
+    return _parses(ZoneInfo, text)
 
 
 def _text(pattern: str, allowed: str, longest: int = 253) -> Form:

@@ -187,7 +187,7 @@ def test_bags(args: str, refused: bool) -> None:
 
 
 def test_a_device_is_named() -> None:
-    node = Node("/base", "base", "driver", devices=("/dev/ttyUSB0", "/dev/ttyUSB1"))
+    node = Node("/base", "base", "driver", devices=["/dev/ttyUSB0", "/dev/ttyUSB1"])
     assert why_single(node) == "/dev/ttyUSB0 is one device, and the two would both drive it"
 
 
