@@ -12,6 +12,7 @@ import yaml
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 CHECKOUT = Path(__file__).resolve().parents[3]
+ROBOTS = ("robot1", "robot2", "robot3", "robot4", "robot5")
 IDENTITY = "/api/v1/namespaces/kube-system/configmaps/rosops-fleet"
 # Who is asked is written down. Edge 1 is off; the file of the others is one of the test.
 SSH = """#!/bin/sh
@@ -56,7 +57,7 @@ class Control:
         hosts = {
             name: {"ansible_host": f"192.0.2.{number}"} for number, name in enumerate(("edge1", "edge2", "edge3"), 1)
         }
-        robots = {f"robot{number}": {"ansible_host": f"192.0.2.{10 + number}"} for number in range(1, 11)}
+        robots = {name: {"ansible_host": f"192.0.2.{10 + number}"} for number, name in enumerate(ROBOTS, 1)}
         variables = {
             "fleet_name": "production",
             "k3s_api_endpoint": "127.0.0.1",
@@ -99,6 +100,7 @@ class Control:
             "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
             "ANSIBLE_LOCAL_TEMP": str(self.folder / "tmp"),
             "ANSIBLE_NOCOLOR": "1",
+            "ANSIBLE_PIPELINING": "1",  # of localhost, too: what it runs is half as many processes
             "ROSOPS_FLEET_REPORT": str(self.folder / "report.json"),
             **environ,
         }

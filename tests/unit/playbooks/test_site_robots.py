@@ -46,7 +46,6 @@ MASTERS = ["rosops-code", "ros-master"]
 @pytest.mark.parametrize(
     ("words", "made", "not_made"),
     [
-        (["--tags", "namespace,master"], MASTERS, ["talker"]),
         (["--tags", STAGES, "--skip-tags", "apps,ready"], MASTERS, ["talker"]),
         (["--tags", "namespace,observability", "--skip-tags", "observability"], [], [*MASTERS, "talker"]),
     ],
