@@ -13,7 +13,6 @@ from typing import Any
 from ...module_utils._common.errors import SpecError
 from .._model.finding import Problem, join_path, shown, taken
 from .._model.formats import wrong_waves
-from .._model.machines import too_old
 from .._model.merge import LAYERS, layered
 from .._model.secrets import redact
 from .draft import Hosts, Said
@@ -177,11 +176,6 @@ def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> It
         # a play's waves are cut before any host's variables are there, so its canary would not be one
         if WAVES in own and WAVES not in given:
             yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
-        # only where the inventory names the Python with its version; preflight says it of all
-        program = _read(own, "ansible_python_interpreter")
-        named = re.search(r"python(\d[.]\d+)$", program)
-        if named and (old := too_old(named[1])):
-            yield Problem(f"hosts.{host}.ansible_python_interpreter", f"is {program}: the host {old}")
     # one machine would be two hosts, each undoing what is done to the other
     for host, place, other in taken(at):
         allowed = "an address of its own, or the ansible_port of its own behind one"

@@ -11,11 +11,13 @@ from typing import Any
 import yaml
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1"]}
+LAUNCHED: dict[str, Any] = {"args": None, "launch": {"package": "base", "file": "bringup.launch"}}
 GOOD_APP = {"name": "talker", "image": "example.org/talker:1.0", "args": ["talk"], "placement": "local"}
-
-
+# What a path begins with that a case says: `app`, or `apps[1]`.
 PLACES = {
     "app": "hosts.robot1.ros_apps[0]",
+    "launched": "hosts.robot1.ros_apps[0]",
+    "launch": "hosts.robot1.ros_apps[0].launch",
     "robot": "hosts.robot1",
     "edge": "hosts.edge1",
     "volumes": "hosts.robot1.persistent_storage.volumes",
@@ -45,7 +47,9 @@ def fleet_of(case: dict[str, Any]) -> dict[str, Any]:
     hosts.update(copy.deepcopy({host: variables for host, variables in said.items() if variables}))
     if "volumes" in case:
         hosts["robot1"]["persistent_storage"] = {"volumes": copy.deepcopy(case["volumes"])}
-    apps = case.get("apps") or ([case["app"]] if "app" in case else [])
+    launched = {**LAUNCHED, **case.get("launched", {}), "launch": {**LAUNCHED["launch"], **case.get("launch", {})}}
+    one = launched if {"launched", "launch"} & {*case} else case.get("app")
+    apps = case.get("apps") or ([] if one is None else [one])
     if apps:
         hosts["robot1"]["ros_apps"] = [changed_app(app) for app in apps]
     return {"groups": groups, "hosts": hosts}

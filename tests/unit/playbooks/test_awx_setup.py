@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 from ansible_collections.rosops.fleet.tests.unit.playbooks.awx_server import Awx
-from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, ended, started
 from jinja2 import ChainableUndefined, StrictUndefined
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
@@ -57,24 +55,9 @@ def setup(awx: Awx, folder: Path, *arguments: str, **said: Any) -> subprocess.Co
     key.write_text("hush-key\n")
     access.write_text("hush-kubeconfig\n")
     files = {"awx_ssh_key_file": str(key), "awx_kubeconfig_file": str(access)}
-    environ = {
-        **{name: value for name, value in os.environ.items() if not name.startswith(("ANSIBLE_", "CONTROLLER_"))},
-        "CONTROLLER_HOST": awx.url,
-        "CONTROLLER_OAUTH_TOKEN": "hush-token",
-        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
-        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
-        "ANSIBLE_LOCAL_TEMP": str(folder / "tmp"),
-        "ANSIBLE_NOCOLOR": "1",
-        "ANSIBLE_PIPELINING": "1",  # half as many processes
-        "ROSOPS_FLEET_REPORT": "",
-    }
-    command = [str(Path(sys.executable).parent / "ansible-playbook"), "-i", "localhost,", str(PLAYBOOK), *arguments]
-    done = subprocess.run(  # noqa: S603 - our own
-        [*command, "-e", json.dumps({**SAID, **files, **said})],
-        cwd=folder, env=environ, capture_output=True, text=True, check=False, timeout=300,
-    )  # fmt: skip
-    print(done.stdout, done.stderr)
-    return done
+    variables = json.dumps({**SAID, **files, **said})
+    environ = {"CONTROLLER_HOST": awx.url, "CONTROLLER_OAUTH_TOKEN": "hush-token", "ROSOPS_FLEET_REPORT": ""}
+    return ended(started(folder, "localhost,", PLAYBOOK, *arguments, "-e", variables, **environ))
 
 
 def test_where_awx_tells_why_it_cannot_take_a_repository_is_said(awx: Awx, tmp_path: Path) -> None:

@@ -93,7 +93,6 @@ class Hosts:
         path = f"{self.folder / 'bin'}:{os.environ['PATH']}"
         places = "collect_dest=here __collect_storage_path='{{ storage }}'"
         done = self.control.run("-e", places, *arguments, **{"PATH": path, **environ})
-        print(done.stdout + done.stderr)
         return done.returncode, done.stdout + done.stderr
 
 

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, ended, started
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
 SERVERS, ROBOTS = ["edge1", "edge2", "edge3"], ["robot1", "robot2", "robot3", "robot4"]
@@ -105,23 +103,17 @@ def run(base: Path, ways: dict[str, str], at_work: bool = True) -> tuple[int, li
         }
     }
     (base / "hosts.yml").write_text(yaml.safe_dump(inventory))
-    environment = {
-        **os.environ, "ANSIBLE_COLLECTIONS_PATH": str(base / "collections"), "ANSIBLE_HOME": str(base / "home"),
-        "ANSIBLE_CONFIG": str(base / "ansible.cfg"), "LC_ALL": "C.UTF-8", "ANSIBLE_FORKS": "6", "ANSIBLE_TIMEOUT": "3",
-        "ANSIBLE_PIPELINING": "1",
+    environ = {
+        "ANSIBLE_COLLECTIONS_PATH": str(base / "collections"), "ANSIBLE_CONFIG": str(base / "ansible.cfg"),
+        "ANSIBLE_FORKS": "6", "ANSIBLE_TIMEOUT": "3",
     }  # fmt: skip
-    program = str(Path(sys.executable).parent / "ansible-playbook")
-    ended = subprocess.run(  # noqa: S603
-        [program, "-i", str(base / "hosts.yml"), str(base / "site.yml")],
-        env=environment, cwd=base, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    print(ended.stdout[-6000:], ended.stderr[-1000:])
+    done = ended(started(base, "hosts.yml", "site.yml", **environ))
 
     def lines(name: str) -> list[str]:
         path = base / name
         return path.read_text().split() if path.exists() else []
 
-    return ended.returncode, lines("journal"), set(lines("survivors"))
+    return done.returncode, lines("journal"), set(lines("survivors"))
 
 
 def test_servers_come_first_one_after_the_other(collection: Path) -> None:
