@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
 import re
 from collections.abc import Callable
@@ -211,13 +212,10 @@ def listed(value: Any) -> list[Any]:
     text = "" if value is None else str(value).strip()
     if not text.startswith("["):
         return [word for word in re.split(r"[\s,]+", text) if word]
-    try:
-        found = yaml.safe_load(text)
-    except yaml.YAMLError:
-        found = None
-    if not isinstance(found, list):
-        raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")
-    return found
+    with contextlib.suppress(yaml.YAMLError):
+        if isinstance(found := yaml.safe_load(text), list):
+            return found
+    raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")
 
 
 def wrong_waves(value: Any) -> str:

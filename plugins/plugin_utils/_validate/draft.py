@@ -48,12 +48,10 @@ class Inventory(NamedTuple):
         """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
         variables, storage = self.hosts.get(robot, {}), self.variable(robot, "persistent_storage")
         apps, volumes = _listed(variables, "ros_apps"), _listed(storage, "volumes")
-        sound = [index for index in range(len(apps)) if self.sound(robot, "ros_apps", index)]
-        whole = [
-            item for index, item in enumerate(volumes) if self.sound(robot, "persistent_storage", "volumes", index)
-        ]
+        sound = [at for at in range(len(apps)) if self.sound(robot, "ros_apps", at)]
+        whole = [item for at, item in enumerate(volumes) if self.sound(robot, "persistent_storage", "volumes", at)]
         kept = {name: value for name, value in variables.items() if self.sound(robot, name)}
-        kept |= {"ros_apps": [apps[index] for index in sound], "persistent_storage": {"volumes": whole}}
+        kept |= {"ros_apps": [apps[at] for at in sound], "persistent_storage": {"volumes": whole}}
         made = Robot.from_variables(kept, robot)
         return Draft(
             made,

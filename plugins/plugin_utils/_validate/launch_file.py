@@ -18,7 +18,7 @@ from xml.parsers import expat
 from ...module_utils._ros.names import resolve
 from .._model.finding import Problem
 
-HERE = "localhost"
+HERE = ("localhost", "::1")
 _LEFT = "$("  # begins what only roslaunch can fill in
 _ARG = re.compile(r"\$\(\s*arg\s+([^\s()]+)\s*\)")
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
@@ -240,7 +240,7 @@ def _filled(text: str, args: Mapping[str, str]) -> str:
 
 def _is_here(name: str, address: str) -> bool:
     """Whether a machine is the pod itself, as far as it is known."""
-    return not is_known(name + address) or (address or name) in (HERE, "::1") or address.startswith("127.")
+    return not is_known(name + address) or (address or name) in HERE or address.startswith("127.")
 
 
 def _used(text: str) -> set[str]:
