@@ -32,7 +32,7 @@ def test_who_runs_nothing_comes_first_and_who_works_in_waves(server: Server, con
 
 
 def test_tags_mean_parts(server: Server, control: Control) -> None:
-    """Those that are left out, too. Which tags mean which parts: tests/unit/plugins/plugin_utils/_objects/test_parts.py"""
+    """Those that are left out, too; which tags mean which parts is said by the tests of the parts."""
     run = Run(control, "robot1", "--tags", STAGES, "--skip-tags", "apps,ready")
     assert server.find("/api/v1/namespaces/robot-robot1"), run.output
     names = ("rosops-code", "ros-master", "talker")
