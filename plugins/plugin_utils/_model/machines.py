@@ -77,8 +77,9 @@ def too_old(text: str) -> str:
     own = tuple(int(number) for number in found.groups()) if found else OLDEST
     if own >= OLDEST:
         return ""
+    has, needs = (".".join(map(str, numbers)) for numbers in (own, OLDEST))
     return (
-        f"has Python {own[0]}.{own[1]}, and ansible-core {CORE} needs {OLDEST[0]}.{OLDEST[1]} or newer on hosts. Take "
-        "an ansible-core that takes it (2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and "
-        "name it in ansible_python_interpreter"
+        f"has Python {has}, and ansible-core {CORE} needs {needs} or newer on hosts. Take an ansible-core that takes it "
+        "(2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and name it in "
+        "ansible_python_interpreter"
     )
