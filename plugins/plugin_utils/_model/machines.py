@@ -79,7 +79,7 @@ def too_old(text: str) -> str:
         return ""
     has, needs = (".".join(map(str, numbers)) for numbers in (own, OLDEST))
     return (
-        f"has Python {has}, and ansible-core {CORE} needs {needs} or newer on hosts. Take an ansible-core that takes it "
-        "(2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and name it in "
+        f"has Python {has}, and ansible-core {CORE} needs {needs} or newer on hosts. Take an ansible-core that takes "
+        "it (2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and name it in "
         "ansible_python_interpreter"
     )

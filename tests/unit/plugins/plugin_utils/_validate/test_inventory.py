@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
@@ -12,23 +11,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import INSTEAD, fleet_hosts
 
 
-class Templated(Mapping[str, Any]):
+class Templated(dict[str, Any]):
     """Like hostvars: a value is made when it is read, and that may fail."""
 
-    def __init__(self, values: dict[str, Any]) -> None:
-        self.values_ = values
-
     def __getitem__(self, key: str) -> Any:
-        value = self.values_[key]
+        value = super().__getitem__(key)
         if isinstance(value, Exception):
             raise value
         return value
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.values_)
-
-    def __len__(self) -> int:
-        return len(self.values_)
 
 
 def test_fleet_hosts_picks_ours_and_what_is_misspelt() -> None:
