@@ -160,6 +160,12 @@ def test_unused_volume_and_moving_master_image_are_warned_of() -> None:
     assert report.problems == []
 
 
+def test_a_device_that_two_apps_drive_is_warned_of() -> None:
+    apps = [{"devices": ["/dev/video0"]}, {"name": "other", "devices": ["/dev/video0"]}]
+    found = [warning.line() for warning in check_fleet(**table.fleet_of({"apps": apps})).warnings]
+    assert "hosts.robot1.ros_apps[1].devices: /dev/video0 is talker's, too; few devices serve two" in found
+
+
 ODDITIES: list[Any] = [
     None, True, 0, -1, 1.5, float("nan"), float("inf"), "", "x", "\x00", [], [None], [[]], {}, {"": None}, {5: 5},
     {None: 1}, [{}], [{"name": None}], [{"name": ["x"]}], [{"name": {}}], {"name": 1}, (1,), {1, 2},
