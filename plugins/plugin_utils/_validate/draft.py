@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from .._model.app import App
 from .._model.context import Robot
 from .._model.finding import join_path
-from .._model.topology import Groups, edge_servers, members
+from .._model.topology import Groups, members
 
 Said = Mapping[str, Any]  # a mapping of the inventory: a host's variables, an app, an archive
 Hosts = Mapping[str, Said]  # variables by host
@@ -32,12 +32,6 @@ class Inventory(NamedTuple):
     def edge_cluster(self) -> list[str]:
         """The hosts of the shared cluster, servers and agents."""
         return [*members(self.groups, "edge"), *(robot for robot, mode in self.modes.items() if mode == "agent")]
-
-    @property
-    def clusters(self) -> list[str]:
-        """Of each cluster the host that carries its variables: its first server."""
-        alone = (robot for robot, mode in self.modes.items() if mode == "standalone")
-        return [*edge_servers(self.groups)[:1], *alone]
 
     def sound(self, host: str, *parts: str | int) -> bool:
         """Whether nothing is malformed at and below a path of a host's variables."""

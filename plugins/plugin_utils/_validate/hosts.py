@@ -30,10 +30,11 @@ def host_problems(there: Inventory) -> Iterator[Problem]:
     """Everything that keeps hosts from making a fleet together."""
     for check in (_groups, _names, _agreement, _versions):
         yield from check(there)
-    for host in there.clusters:
+    alone = [robot for robot, mode in there.modes.items() if mode == "standalone"]
+    for host in [*edge_servers(there.groups)[:1], *alone]:  # of each cluster the one that carries its variables
         given = {name: value for name, value in there.hosts.get(host, {}).items() if there.sound(host, name)}
         if (given.get("observability") or {}).get("enabled"):
-            yield from _observability(f"hosts.{host}", given, there.modes.get(host) == "standalone")
+            yield from _observability(f"hosts.{host}", given, host in alone)
 
 
 def _groups(there: Inventory) -> Iterator[Problem]:
