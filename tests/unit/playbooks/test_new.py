@@ -68,8 +68,7 @@ def test_it_is_valid_at_once_under_the_name_of_its_directory(repository: Path) -
     assert "FLEET REPORT" in done.stdout, "the callback is not enabled"
     variables = yaml.safe_load((repository / "inventory" / "group_vars" / "all.yml").read_text())
     assert variables["fleet_name"] == "my-fleet"
-    listed = yaml.safe_load(run(repository, "ansible-inventory", "--list").stdout)
-    assert (listed["edge"]["hosts"], listed["robots"]["hosts"]) == (["edge1"], ["robot1", "robot2"])
+    assert re.findall(r"^(\w+) +: ok=", done.stdout, re.MULTILINE) == ["edge1", "robot1", "robot2"]
 
 
 def test_its_yaml_is_clean(repository: Path) -> None:
@@ -153,7 +152,6 @@ def test_passwords_are_an_encrypted_part_of_the_inventory(repository: Path, tmp_
     try:
         key = ("--vault-password-file", str(tmp_path / "password"))
         assert run(repository, "ansible-vault", "encrypt", *key, "inventory/vault.yml").returncode == 0
-        assert run(repository, "ansible-playbook", "validate.yml").returncode != 0
         assert run(repository, "ansible-playbook", "validate.yml", *key).returncode == 0
         done = run(repository, "yamllint", "--strict", ".")
         assert done.returncode == 0, done.stdout
