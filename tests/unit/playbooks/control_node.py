@@ -41,6 +41,7 @@ PLAYBOOK = """
 
 def started(folder: Path, inventory: str, play: str | Path, *words: str, **environ: str) -> subprocess.Popen[str]:
     """ansible-playbook in a folder, as by a user of this checkout whose home is in it and who has set nothing else."""
+    (folder / "home").mkdir(exist_ok=True)
     set_for_it = ("ANSIBLE_", "K8S_AUTH_", "KUBE", "CONTROLLER_")
     environment = {
         **{key: value for key, value in os.environ.items() if not key.startswith(set_for_it)},
@@ -98,7 +99,6 @@ class Control:
         children = {"edge": {"hosts": hosts}, "robots": {"hosts": robots}}
         self.write("hosts.yml", yaml.safe_dump({"all": {"vars": variables, "children": children}}))
         self.write("play.yml", PLAYBOOK)
-        (folder / "home").mkdir()
 
     def plays(self, playbook: str) -> None:
         """Take one of the collection's own, on robots with an app."""

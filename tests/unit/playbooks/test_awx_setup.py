@@ -114,7 +114,11 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     kind = awx.of("credential_types", "Access to the fleet's cluster")
     assert kind["injectors"]["env"] == {"K8S_AUTH_KUBECONFIG": "{{ tower.filename.kubeconfig }}"}
     writes = len(awx.writes)
-    again = setup(awx, tmp_path)
+    # those that differ in more than words: with a survey and others, with tags, with a word to be sent
+    few = [
+        one for one in OBJECTS["awx_job_templates"] if one["name"].split()[-1] in ("site", "canary", "status", "k3s")
+    ]
+    again = setup(awx, tmp_path, awx_job_templates=few)
     assert re.search(r"localhost +: ok=\d+ +changed=0 ", again.stdout)
     assert "WARNING" not in again.stdout + again.stderr
     # so that a playbook that is new in the repository is known
