@@ -7,7 +7,6 @@ past the validation would be seen as unreachable. Only `ansible-playbook` is run
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import subprocess
@@ -21,7 +20,9 @@ import yaml
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLAYBOOK = CHECKOUT / "playbooks" / "site.yml"
 VALIDATE = CHECKOUT / "playbooks" / "validate.yml"  # what site.yml imports first
-TABLE = CHECKOUT / "tests" / "unit" / "bad_input" / "table.py"
+sys.path.insert(0, str(CHECKOUT / "tests" / "unit" / "bad_input"))
+import table  # noqa: E402 - found through the line above
+
 NOWHERE = {"ansible_port": 1, "ansible_connection": "ssh"}
 TASK = re.compile(r"^TASK \[(?P<name>.*?)\]", re.MULTILINE)
 PLAY = re.compile(r"^PLAY \[(?P<name>.*?)\]", re.MULTILINE)
@@ -29,16 +30,6 @@ VALIDATION = "rosops.fleet._fleet_config"
 IMPORT = "ansible.builtin.import_tasks"
 
 
-def _table() -> Any:
-    spec = importlib.util.spec_from_file_location("bad_input_table", TABLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-table = _table()
 # Each case is checked as data by the unit tests. That the playbook ends there is the same for all of them: where time
 # matters (`make test`), some will do.
 STEP = 12 if os.environ.get("ROSOPS_TEST_CASES") == "promises" else 1

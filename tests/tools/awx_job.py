@@ -210,11 +210,13 @@ class Job:
 
 
 def shuffled(inventory: Mapping[str, Any]) -> dict[str, Any]:
-    """The same hosts in another order, as AWX reads them out of its database without one."""
+    """The same hosts in another order, never in that of their names: AWX reads them out of its database without one."""
     lots = random.Random(time.time_ns())  # noqa: S311 - no secret
     found = json.loads(json.dumps(inventory))
-    for group in found.values():
-        lots.shuffle(group.get("hosts", []))
+    for hosts in [group["hosts"] for group in found.values() if "hosts" in group]:
+        lots.shuffle(hosts)
+        if hosts == sorted(hosts):
+            hosts.reverse()
     return dict(found)
 
 

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a Python file of this checkout imports, as paths in it. Pure but for reading files."""
+"""What a Python file of this checkout imports, as paths in it; and one as a module."""
 
 from __future__ import annotations
 
 import ast
+import importlib.util
+import sys
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 COLLECTION = "ansible_collections.rosops.fleet."
 
@@ -31,6 +34,15 @@ def absolute(text: str) -> Iterator[str]:
             yield from (alias.name for alias in item.names)
         elif isinstance(item, ast.ImportFrom) and not item.level:
             yield item.module or ""
+
+
+def loaded(path: Path, name: str = "") -> Any:
+    """A Python file as a module, whatever package it is in; its annotations look their names up by its name."""
+    spec = importlib.util.spec_from_file_location(name or path.stem, path)
+    assert spec and spec.loader
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def python_files(root: Path) -> Iterator[tuple[PurePosixPath, str]]:

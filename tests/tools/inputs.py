@@ -57,16 +57,8 @@ def digest(stage: str, files: Mapping[str, str], machine: Iterable[str]) -> str:
 
 def contents(checkout: Path) -> dict[str, str]:
     """The files that git knows or would take, with a digest of each one's content and kind; none without git."""
-    command = [
-        "git",
-        "-c",
-        f"safe.directory={checkout}",
-        "ls-files",
-        "-z",
-        "--cached",
-        "--others",
-        "--exclude-standard",
-    ]
+    git = ["git", "-c", f"safe.directory={checkout}"]
+    command = [*git, "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, cwd=checkout, capture_output=True, check=False).stdout  # noqa: S603 - fixed words
     found = {}
     for name in filter(None, os.fsdecode(listed).split("\0")):

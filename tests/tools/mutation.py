@@ -33,24 +33,14 @@ FILES = (
     "plugin_utils/_update/*.py",
 )
 TYPES = ("world.py",)  # nothing is decided there
-BESIDE = {  # files whose tests stand elsewhere, too
-    "module_utils/_ros/checks.py": ["module_utils/_ros/test_gate.py"],
-    "plugin_utils/_update/change.py": [
-        "plugin_utils/_update/test_host_change.py",
-        "plugin_utils/_update/test_app_change_install.py",
-        "plugin_utils/_update/test_app_change.py",
-    ],
-    "plugin_utils/_update/hands.py": ["plugin_utils/_update/test_app_change_install.py"],
-    "plugin_utils/_update/lifecycle.py": [
-        "plugin_utils/_update/test_app_change_install.py",
-        "plugin_utils/_update/test_app_change_removal.py",
-    ],
-    "plugin_utils/_update/manifests.py": [
-        "plugin_utils/_update/test_step.py",
-        "plugin_utils/_update/test_app_change.py",
-    ],
-    "plugin_utils/_update/nodes.py": ["plugin_utils/_update/test_step.py"],
-    "plugin_utils/_update/revisions.py": ["plugin_utils/_update/test_plan.py"],
+BESIDE = {  # file -> other files of its room whose tests are its own, too
+    "change": ["host_change", "app_change_install", "app_change"],
+    "checks": ["gate"],
+    "hands": ["app_change_install"],
+    "lifecycle": ["app_change_install", "app_change_removal"],
+    "manifests": ["step", "app_change"],
+    "nodes": ["step"],
+    "revisions": ["plan"],
 }
 
 
@@ -64,9 +54,10 @@ def files(words: list[str]) -> list[str]:
 
 def tests(name: str) -> list[str]:
     """Test files of a file, as paths from the collection: test_<file>.py, test_<file>_<what>.py."""
-    path, unit = Path(name), CHECKOUT / "tests" / "unit" / "plugins"
-    mirrored = [one for end in (".py", "_*.py") for one in sorted((unit / path.parent).glob(f"test_{path.stem}{end}"))]
-    return [str(one.relative_to(CHECKOUT)) for one in [*mirrored, *(unit / one for one in BESIDE.get(name, []))]]
+    path = Path(name)
+    names = [path.stem, f"{path.stem}_*", *BESIDE.get(path.stem, ())]
+    room = CHECKOUT / "tests" / "unit" / "plugins" / path.parent
+    return [str(one.relative_to(CHECKOUT)) for name in names for one in sorted(room.glob(f"test_{name}.py"))]
 
 
 def config(name: str) -> str:

@@ -47,14 +47,8 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_rehearsal": (),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
-POD_ROOMS = (
-    "_common",
-    "_ros",
-    "_step",
-    "_pod",
-    "_exporter",
-    "_robot",
-)  # what is in `rosops-code`; in a pod is no Ansible
+# What is in `rosops-code`. In a pod is no Ansible.
+POD_ROOMS = ("_common", "_ros", "_step", "_pod", "_exporter", "_robot")
 # What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
 ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_rehearsal/stand_in": ("rospy", "genpy")}
 

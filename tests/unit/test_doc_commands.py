@@ -96,11 +96,9 @@ def test_commands_are_spelled_in_one_way() -> None:
     assert misspelt(said) == []
 
 
-@pytest.mark.parametrize(
-    "command", ["ansible-playbook site.yml", "ansible-playbook -i inventory rosops.fleet.site", "kubectl -n a get pods"]
-)
-def test_another_spelling_is_found(command: str) -> None:
-    assert misspelt([command]) == [command]
+def test_another_spelling_is_found() -> None:
+    words = ["ansible-playbook site.yml", "ansible-playbook -i inventory rosops.fleet.site", "kubectl -n a get pods"]
+    assert misspelt(words) == words
 
 
 def test_no_pattern_is_left_over() -> None:

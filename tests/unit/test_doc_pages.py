@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import yaml
+from imports import loaded
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DOCS = CHECKOUT / "docs"
@@ -19,10 +19,7 @@ TEMPLATE = re.compile(r"\{\{.*?\}\}|\{[\w.:!]*\}|%s", re.DOTALL)
 
 
 def test_the_index_has_what_the_tree_has() -> None:
-    spec = importlib.util.spec_from_file_location("index", CHECKOUT / "tools" / "docs" / "index.py")
-    assert spec and spec.loader
-    index = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(index)
+    index = loaded(CHECKOUT / "tools" / "docs" / "index.py")
     page = (DOCS / "index.md").read_text("utf-8")
     assert page == index.rendered(page), "run python tools/docs/index.py"
 

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -15,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import app
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import kind_of, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import value_problems
+from imports import loaded
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 KEY = '''
@@ -26,16 +24,7 @@ KEY = '''
 BEFORE = '    """The container image."""\n'
 
 
-def loaded(name: str, path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # where annotations look their names up
-    spec.loader.exec_module(module)
-    return module
-
-
-docs = loaded("docs_keys", CHECKOUT / "tools" / "docs" / "keys.py")
+docs = loaded(CHECKOUT / "tools" / "docs" / "keys.py", "docs_keys")
 
 
 @pytest.fixture(name="wider")
@@ -45,7 +34,7 @@ def wider_table(tmp_path: Path) -> Any:
     assert text.count(BEFORE) == 1
     path = tmp_path / "wider.py"
     path.write_text(text.replace(BEFORE, BEFORE + KEY), encoding="utf-8")
-    return loaded(f"{app.__package__}.wider", path).App  # where its own imports lead
+    return loaded(path, f"{app.__package__}.wider").App  # where its own imports lead
 
 
 def problems(of: Any, **more: Any) -> list[Problem]:

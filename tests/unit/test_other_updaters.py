@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import PATH
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
@@ -391,9 +390,3 @@ def test_the_oldest_python_has_all_of_it() -> None:
     if not python or run([python, "--version"], os.environ).returncode:
         pytest.skip("there is no Python 3.8 here")
     assert "SECONDS" in run([python, str(FILE), "--help"], os.environ).stdout
-
-
-def test_the_yaml_of_all_blocks_can_be_read() -> None:
-    for block in blocks_of("page", PAGE):
-        if block.mark == "not a fleet":
-            assert yaml.safe_load(block.text)

@@ -76,10 +76,7 @@ class Robot:
 
     @classmethod
     def from_variables(cls, variables: Variables, name: str) -> Robot:
-        """The robot of an inventory host from its Ansible variables; null and the empty text stand for the default.
-
-        Raises KeyError, TypeError or AttributeError for what the validation refuses.
-        """
+        """The robot of an inventory host from its Ansible variables, as `read` takes them."""
 
         def variable(key: str) -> Any:
             # `in` first: hostvars answers .get() of a name it does not know with a marker on some versions
@@ -110,10 +107,7 @@ class Robot:
 
     def app(self, name: str) -> App:
         """The app of this name; KeyError where there is none."""
-        for app in self.apps:
-            if app.name == name:
-                return app
-        raise KeyError(name)
+        return {app.name: app for app in self.apps}[name]
 
 
 def namespace_of(app: App, robot: Robot) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
+Place = TypeVar("Place", bound=Hashable)
 What = TypeVar("What", bound=Hashable)
 
 
@@ -41,9 +42,9 @@ def each(path: str, items: Iterable[T], key: str = "") -> Iterator[tuple[str, T]
     return ((f"{path}[{index}]{key}", item) for index, item in enumerate(items))
 
 
-def taken(claims: Iterable[tuple[str, What]]) -> Iterator[tuple[str, What, str]]:
+def taken(claims: Iterable[tuple[Place, What]]) -> Iterator[tuple[Place, What, Place]]:
     """Of places that each have something: where it is what another place has already, what it is, and where first."""
-    first: dict[What, str] = {}
+    first: dict[What, Place] = {}
     return ((place, what, first[what]) for place, what in claims if first.setdefault(what, place) != place)
 
 

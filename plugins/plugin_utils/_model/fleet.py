@@ -33,8 +33,7 @@ class Fleet:
 
     def as_dict(self) -> Result:
         """The fleet in mappings, lists and scalars."""
-        found: Result = plain(self)
-        return found
+        return dict(plain(self))
 
     @classmethod
     def from_vars(cls, task_vars: Variables | None) -> Fleet:
@@ -53,9 +52,9 @@ class Home:
 def home_from_vars(task_vars: Variables) -> Home | None:
     """Where the host of an action plugin's task belongs; None where no fleet was validated, or not with this host."""
     found = task_vars.get(VARIABLE)
-    hosts = found.get("hosts") if isinstance(found, Mapping) else None
-    host = (hosts or {}).get(str(task_vars.get("inventory_hostname")))
-    return Home(read(ClusterPart, host), str(found["name"])) if isinstance(found, Mapping) and host else None
+    hosts = (isinstance(found, Mapping) and found.get("hosts")) or {}
+    host = hosts.get(str(task_vars.get("inventory_hostname")))
+    return Home(read(ClusterPart, host), str(found["name"])) if found and host else None
 
 
 def home_of(task_vars: Variables) -> Home:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
 import re
 from collections.abc import Callable
@@ -92,10 +93,8 @@ def clean_path(path: str) -> bool:
 def safe_host_path(path: str) -> bool:
     """Whether a pod may have this path of its host."""
     bare = path.rstrip("/")
-    safe = (
-        _SAFE.fullmatch(bare) is not None and bare not in UNSAFE_DEVICES and not {*PRIVATE_PARTS} & {*bare.split("/")}
-    )
-    return safe and clean_path(path)
+    private = bare in UNSAFE_DEVICES or {*PRIVATE_PARTS} & {*bare.split("/")}
+    return bool(_SAFE.fullmatch(bare)) and not private and clean_path(path)
 
 
 def device_path(path: str) -> bool:
@@ -124,18 +123,14 @@ def _host(text: str) -> bool:
 def _parses(parse: Callable[[str], object], text: str) -> bool:
     try:
         parse(text)
-    except ValueError:
+    except (ValueError, ZoneInfoNotFoundError, OSError):  # the last of a zone's name that is no file's
         return False
     return True
 
 
 def time_zone(text: str) -> bool:
     """Whether this machine's time zone database has it."""
-    try:
-        ZoneInfo(text)
-    except (ZoneInfoNotFoundError, ValueError, OSError):  # the last two of names that are no file's
-        return False
-    return True
+    return _parses(ZoneInfo, text)
 
 
 def _text(pattern: str, allowed: str, longest: int = 253) -> Form:
@@ -217,13 +212,10 @@ def listed(value: Any) -> list[Any]:
     text = "" if value is None else str(value).strip()
     if not text.startswith("["):
         return [word for word in re.split(r"[\s,]+", text) if word]
-    try:
-        found = yaml.safe_load(text)
-    except yaml.YAMLError:
-        found = None
-    if not isinstance(found, list):
-        raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")
-    return found
+    with contextlib.suppress(yaml.YAMLError):
+        if isinstance(found := yaml.safe_load(text), list):
+            return found
+    raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")
 
 
 def wrong_waves(value: Any) -> str:

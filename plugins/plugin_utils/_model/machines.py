@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ansible.module_utils.basic import _PY_MIN as OLDEST
@@ -22,8 +21,6 @@ CGROUP_V2_FROM = (1, 35)
 
 _NUMBERS = re.compile(r"(\d+)\D+(\d+)")
 _VERSION = re.compile(r"v(\d+)\.(\d+)\.(\d+)(?:-([a-z]+)\.?(\d+))?(?:\+([a-z0-9]*[a-z])(\d+))?")
-
-_Order = tuple[int, int, int, int, str, int]
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Version:
     """`v1.34.2-rc1+k3s1`; without `-rc1` it is the release, which is newer than its candidates."""
 
     minor: tuple[int, int]
-    order: _Order
+    order: tuple[int, int, int, int, str, int]
     vendor: str
     build: int
 
@@ -80,12 +77,9 @@ def too_old(text: str) -> str:
     own = tuple(int(number) for number in found.groups()) if found else OLDEST
     if own >= OLDEST:
         return ""
+    has, needs = (".".join(map(str, numbers)) for numbers in (own, OLDEST))
     return (
-        f"has Python {_dotted(own)}, and ansible-core {CORE} needs {_dotted(OLDEST)} or newer on hosts. Take an "
-        "ansible-core that takes it (2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and name "
-        "it in ansible_python_interpreter"
+        f"has Python {has}, and ansible-core {CORE} needs {needs} or newer on hosts. Take an ansible-core that takes "
+        "it (2.19 takes 3.8, which Ubuntu 20.04 has), or install a newer Python there and name it in "
+        "ansible_python_interpreter"
     )
-
-
-def _dotted(numbers: Sequence[int]) -> str:
-    return ".".join(str(number) for number in numbers)

@@ -8,6 +8,7 @@ Kubernetes' own strategic merge is the model for the keys: API reference, "patch
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from typing import Any, TypeGuard
 
 from ...module_utils._common.documents import Variables
@@ -35,7 +36,7 @@ def deep_merge(base: Variables, overrides: Variables) -> Object:
     Mappings merge key by key, null removes a key, lists of named entries merge by name in the base's order with new
     entries at the end (`$patch: delete` in an entry removes it), everything else is replaced.
     """
-    merged = {key: _copied(value) for key, value in base.items()}
+    merged = deepcopy(dict(base))
     for key, value in overrides.items():
         if value is None:
             merged.pop(key, None)
@@ -52,17 +53,8 @@ def _merged_value(field: str, base: Any, value: Any) -> Any:
         key = merge_key(field, base_list, value)
         if key is not None:
             return _merged_entries(key, base_list, value)
-        return [deep_merge({}, item) if isinstance(item, Mapping) else _copied(item) for item in value]
-    return _copied(value)
-
-
-def _copied(value: Any) -> Any:
-    """A document of its own: mappings and lists are made anew, and what else is in them cannot be changed."""
-    if isinstance(value, dict):
-        return {key: _copied(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_copied(item) for item in value]
-    return value
+        return [deep_merge({}, item) if isinstance(item, Mapping) else deepcopy(item) for item in value]
+    return deepcopy(value)
 
 
 def merge_key(field: str, base: list[Any], value: list[Any]) -> str | None:
@@ -74,7 +66,7 @@ def merge_key(field: str, base: list[Any], value: list[Any]) -> str | None:
 
 
 def _merged_entries(key: str, base: list[Any], value: list[Any]) -> list[Any]:
-    entries: dict[str, Object] = {str(item[key]): _copied(item) for item in base}
+    entries: dict[str, Object] = {str(item[key]): item for item in base}
     for item in value:
         name = str(item[key])
         if item.get(PATCH) == "delete":

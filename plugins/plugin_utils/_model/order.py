@@ -13,17 +13,9 @@ def in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
     """The keys, each after its needs, which are keys, too; within that in the order given. SpecError for a circle."""
     if members := circle(needs):
         raise SpecError(f"these depend on each other in a circle: {' needs '.join([*members, members[0]])}")
-    place = {name: number for number, name in enumerate(needs)}
-    sorter = graphlib.TopologicalSorter(needs)
-    sorter.prepare()
     found: list[str] = []
-    ready: set[str] = set()
-    while sorter.is_active():
-        ready |= set(sorter.get_ready())
-        first = min(ready, key=lambda name: place[name])
-        ready.discard(first)
-        sorter.done(first)
-        found.append(first)
+    while len(found) < len(needs):
+        found.append(next(name for name, its in needs.items() if name not in found and {*its} <= {*found}))
     return found
 
 

@@ -38,5 +38,4 @@ def completed(option: Option, value: Any) -> Any:
 
 def all_options() -> dict[str, Option]:
     """The options of all roles, by variable."""
-    roles = sorted(path.name for path in ROLES.iterdir() if path.is_dir()) if ROLES.is_dir() else []
-    return {name: option for role in roles for name, option in role_options(role).items()}
+    return {name: option for role in sorted(ROLES.glob("*/")) for name, option in role_options(role.name).items()}

@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-# Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
 SHORTEST = 4  # a shorter secret is hidden where it stands alone: everything else would be full of it
+# Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
 OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")
 # k3s_token, k3s_agent_token, password, identity_token, auth; but not k3s_token_file and the like, which are paths
 _SECRET_KEY = re.compile(r"(?:^|_)(?:token|password|passwd|secret|secret_key)$|^auth$", re.IGNORECASE)

@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import yaml
 
@@ -35,14 +35,13 @@ ansible-core{core}
 def contents(collection: Path, fleet: str, example: str = EXAMPLE_FLEETS[0]) -> dict[str, str]:
     """Path -> text, of the collection in that directory for a fleet of that name with that example."""
     found = {name: _text(collection / name) for name in PLAYBOOKS}
-    version = _version(collection)
     for path, text in _tree(collection / "playbooks" / "files" / "repository"):
         name = "/".join(re.sub(f"^{HIDDEN}", ".", part) for part in path.parts)
         found[name] = text.replace("@fleet@", fleet)
     examples = {f"inventory/{path}": text for path, text in _tree(collection / "inventories" / "example")}
     examples |= {str(path): text for path, text in _tree(collection / "playbooks" / "files" / "examples" / example)}
     found |= {path: text.replace(EXAMPLE_NAME, f"fleet_name: {fleet}") for path, text in examples.items()}
-    found["collections/requirements.yml"] = COLLECTIONS.format(version=version)
+    found["collections/requirements.yml"] = COLLECTIONS.format(version=_version(collection))
     core = yaml.safe_load(_text(collection / "meta" / "runtime.yml"))["requires_ansible"]
     found["requirements.txt"] = PACKAGES.format(core=core) + _text(collection / "meta" / "ee-requirements.txt")
     return dict(sorted(found.items()))
@@ -56,12 +55,9 @@ def fleet_name(directory: str) -> str:
 def _version(collection: Path) -> str:
     """Of an installed collection, or of a checkout."""
     manifest = collection / "MANIFEST.json"
-    about: dict[str, Any] = (
-        json.loads(_text(manifest))["collection_info"]
-        if manifest.exists()
-        else yaml.safe_load(_text(collection / "galaxy.yml"))
-    )
-    return str(about["version"])
+    if manifest.exists():
+        return str(json.loads(_text(manifest))["collection_info"]["version"])
+    return str(yaml.safe_load(_text(collection / "galaxy.yml"))["version"])
 
 
 def _tree(top: Path) -> Iterator[tuple[PurePosixPath, str]]:
@@ -87,8 +83,7 @@ class Change(NamedTuple):
     @property
     def diff(self) -> dict[str, str]:
         """As `--diff` shows it."""
-        headers = {"before_header": self.path, "after_header": self.path}
-        return {"before": self.before or "", "after": self.after, **headers}
+        return {"before": self.before or "", "after": self.after, "before_header": self.path, "after_header": self.path}
 
 
 def plan(wanted: Mapping[str, str], found: Mapping[str, str], force: bool) -> tuple[list[Change], list[str]]:

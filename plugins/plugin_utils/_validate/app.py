@@ -81,9 +81,8 @@ def _words(app: App) -> list[tuple[str, str]]:
 
 
 def _command(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
-    others = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
-    if app.name in others:
-        yield Problem("name", f"is {app.name}, the name of {others[app.name]}", "any other name")
+    if of := {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}.get(app.name):
+        yield Problem("name", f"is {app.name}, the name of {of}", "any other name")
     # two masters in one namespace share no graph; one of them serves nobody
     for place, word in _words(app) if draft.robot.master.mode != "external" else ():
         if _MASTER.search(word):
@@ -107,10 +106,8 @@ def _launch(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
         yield Problem("args", "is beside launch, which makes the arguments", "launch.args, or args alone")
     if app.readiness.nodes:
         yield Problem("readiness.nodes", f"is true, but {LAUNCHES}", "leave it out")
-    for file in launch.file:
-        if not launch.package and not file.startswith("/"):
-            found = f"is missing, and {file} is no whole path"
-            yield Problem("launch.package", found, "a package, or /the/whole/path")
+    for file in [] if launch.package else [file for file in launch.file if not file.startswith("/")]:
+        yield Problem("launch.package", f"is missing, and {file} is no whole path", "a package, or /the/whole/path")
     if app.hooks == "none":
         yield Problem("hooks", "is none, but what starts the launch file is part of them", "app, or sidecar")
     for key, said in (("launch.replace", launch.replace), ("launch.overlap", launch.overlap)):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from .._model.app import App
 from .._model.context import Robot
 from .._model.finding import join_path
-from .._model.topology import Groups, edge_servers, members
+from .._model.topology import Groups, members
 
 Said = Mapping[str, Any]  # a mapping of the inventory: a host's variables, an app, an archive
 Hosts = Mapping[str, Said]  # variables by host
@@ -33,12 +33,6 @@ class Inventory(NamedTuple):
         """The hosts of the shared cluster, servers and agents."""
         return [*members(self.groups, "edge"), *(robot for robot, mode in self.modes.items() if mode == "agent")]
 
-    @property
-    def clusters(self) -> list[str]:
-        """Of each cluster the host that carries its variables: its first server."""
-        alone = (robot for robot, mode in self.modes.items() if mode == "standalone")
-        return [*edge_servers(self.groups)[:1], *alone]
-
     def sound(self, host: str, *parts: str | int) -> bool:
         """Whether nothing is malformed at and below a path of a host's variables."""
         path = join_path("hosts", host, *parts)
@@ -48,12 +42,10 @@ class Inventory(NamedTuple):
         """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
         variables, storage = self.hosts.get(robot, {}), self.variable(robot, "persistent_storage")
         apps, volumes = _listed(variables, "ros_apps"), _listed(storage, "volumes")
-        sound = [index for index in range(len(apps)) if self.sound(robot, "ros_apps", index)]
-        whole = [
-            item for index, item in enumerate(volumes) if self.sound(robot, "persistent_storage", "volumes", index)
-        ]
+        sound = [at for at in range(len(apps)) if self.sound(robot, "ros_apps", at)]
+        whole = [item for at, item in enumerate(volumes) if self.sound(robot, "persistent_storage", "volumes", at)]
         kept = {name: value for name, value in variables.items() if self.sound(robot, name)}
-        kept |= {"ros_apps": [apps[index] for index in sound], "persistent_storage": {"volumes": whole}}
+        kept |= {"ros_apps": [apps[at] for at in sound], "persistent_storage": {"volumes": whole}}
         made = Robot.from_variables(kept, robot)
         return Draft(
             made,

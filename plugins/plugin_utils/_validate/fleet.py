@@ -57,11 +57,11 @@ def check_fleet(groups: Groups, hosts: Hosts, given: Said = MappingProxyType({})
 
 
 def _fleet(there: Inventory, drafts: Iterable[Draft]) -> Fleet:
-    robots = {item.robot.name: item.robot for item in drafts}
     nodes = {host: str(said["k3s_node_name"]) for host, said in there.hosts.items() if said.get("k3s_node_name")}
-    topology = fleet_topology(there.groups, {name: robot.mode for name, robot in robots.items()}, nodes)
+    topology = fleet_topology(there.groups, there.modes, nodes)
+    edge = tuple(topology[host].node for host in members(there.groups, "edge"))
     name = next((str(own["fleet_name"]) for own in there.hosts.values() if own.get("fleet_name")), "")
-    return Fleet(robots, topology, tuple(topology[host].node for host in members(there.groups, "edge")), name)
+    return Fleet({item.robot.name: item.robot for item in drafts}, topology, edge, name)
 
 
 class Folded(NamedTuple):

@@ -30,10 +30,11 @@ def host_problems(there: Inventory) -> Iterator[Problem]:
     """Everything that keeps hosts from making a fleet together."""
     for check in (_groups, _names, _agreement, _versions):
         yield from check(there)
-    for host in there.clusters:
+    alone = [robot for robot, mode in there.modes.items() if mode == "standalone"]
+    for host in [*edge_servers(there.groups)[:1], *alone]:  # of each cluster the one that carries its variables
         given = {name: value for name, value in there.hosts.get(host, {}).items() if there.sound(host, name)}
         if (given.get("observability") or {}).get("enabled"):
-            yield from _observability(f"hosts.{host}", given, there.modes.get(host) == "standalone")
+            yield from _observability(f"hosts.{host}", given, host in alone)
 
 
 def _groups(there: Inventory) -> Iterator[Problem]:
@@ -50,13 +51,11 @@ def _groups(there: Inventory) -> Iterator[Problem]:
         found = f"is empty, but {', '.join(agents)} must join its cluster"
         yield Problem("groups.edge", found, "a host in edge, or robot_mode: standalone")
     # it would silently be left out of the fleet
-    for host in there.hosts:
-        if host not in edge and host not in robots:
-            yield Problem(f"hosts.{host}", "is in neither of the groups edge and robots", "each host in one of them")
+    for host in [host for host in there.hosts if host not in (*edge, *robots)]:
+        yield Problem(f"hosts.{host}", "is in neither of the groups edge and robots", "each host in one of them")
     named, servers = members(there.groups, "k3s_server"), edge_servers(there.groups)
-    for host in named:
-        if host not in edge:
-            yield Problem(f"groups.k3s_server.{host}", "is not in edge", "hosts of the group edge")
+    for host in [host for host in named if host not in edge]:
+        yield Problem(f"groups.k3s_server.{host}", "is not in edge", "hosts of the group edge")
     # embedded etcd keeps its majority with an odd number of members; two are worse than one
     if servers and len(servers) not in SERVER_COUNTS:
         where = "groups.k3s_server" if named else "groups.edge"
@@ -167,11 +166,10 @@ def image_warnings(fleet: Fleet, hosts: Hosts, instead: Instead) -> Iterator[Pro
     """Images that hosts with archives will pull all the same, though nobody says so in `images_refs`."""
     remote = sorted({image for robot in fleet.robots.values() for image in images(robot, "remote")})
     for host, variables in hosts.items():
-        archives = _archives(variables)
-        if not archives:
-            continue
-        for image in images(fleet.robots[host], "local") if host in fleet.robots else remote:
-            if image not in (variables.get("images_refs") or ()) and (held := instead(archives, image)):
+        archives, meant = _archives(variables), variables.get("images_refs") or ()
+        wanted = images(fleet.robots[host], "local") if host in fleet.robots else remote
+        for image in wanted if archives else ():
+            if image not in meant and (held := instead(archives, image)):
                 told = f"none of them has {image}, so the node will pull it (images_refs says that this is meant)"
                 yield Problem(f"hosts.{host}.images_archives", f"{told}; they hold {', '.join(held)}")
 

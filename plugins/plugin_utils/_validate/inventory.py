@@ -13,7 +13,6 @@ from typing import Any
 from ...module_utils._common.errors import SpecError
 from .._model.finding import Problem, join_path, shown, taken
 from .._model.formats import wrong_waves
-from .._model.machines import too_old
 from .._model.merge import LAYERS, layered
 from .._model.secrets import redact
 from .draft import Hosts, Said
@@ -51,7 +50,6 @@ _IN_THE_MAPPING = {
     "grafana_service_type": "grafana.service_type", "grafana_persistence": "grafana.persistence.enabled",
     "grafana_size": "grafana.persistence.size", "node_exporter": "node_exporter", "ros_metrics": "ros_metrics",
 }  # fmt: skip
-_IMAGES = ("prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent")
 _STORAGE = "nothing: it is /var/lib/rancher/k3s/storage, where another disk may be mounted"
 _DROP_IN = "MemoryHigh or MemoryMax in a drop-in of the unit k3s or k3s-agent"
 GONE = {
@@ -61,7 +59,10 @@ GONE = {
         for name in ("on_busy", "busy_timeout", "failure_budget")
     },
     **{f"observability_{name}": f"{key} in the mapping observability" for name, key in _IN_THE_MAPPING.items()},
-    **{f"observability_{name}_image": f"observability_images: {{{name}: ...}}" for name in _IMAGES},
+    **{
+        f"observability_{name}_image": f"observability_images: {{{name}: ...}}"
+        for name in ("prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent")
+    },
     "collect_storage_path": _STORAGE,
     "guarded_name": "nothing: a change is called as the file of its tasks",
     "images_logins": "robot_namespace_pull_secrets",
@@ -147,9 +148,8 @@ def plain(value: Any, path: str, problems: list[Problem]) -> Any:
 def is_ours(name: str) -> bool:
     """Whether a variable is one of the collection's, or looks like a misspelt one."""
     known = known_variables()
-    if name in known or name in INSTEAD:
-        return True
-    return OURS.match(name) is not None and nearest_name(name, known, MISSPELT) is not None
+    misspelt = OURS.match(name) and nearest_name(name, known, MISSPELT)
+    return name in known or name in INSTEAD or bool(misspelt)
 
 
 def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> Iterator[Problem]:
@@ -176,25 +176,18 @@ def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> It
         # a play's waves are cut before any host's variables are there, so its canary would not be one
         if WAVES in own and WAVES not in given:
             yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
-        # only where the inventory names the Python with its version; preflight says it of all
-        program = _read(own, "ansible_python_interpreter")
-        named = re.search(r"python(\d[.]\d+)$", program)
-        if named and (old := too_old(named[1])):
-            yield Problem(f"hosts.{host}.ansible_python_interpreter", f"is {program}: the host {old}")
     # one machine would be two hosts, each undoing what is done to the other
     for host, place, other in taken(at):
         allowed = "an address of its own, or the ansible_port of its own behind one"
         yield Problem(f"hosts.{host}.ansible_host", f"is {place[0]} as that of {other}", allowed)
 
 
-def near_misses(hostvars: Hosts, names: Iterable[str]) -> list[Problem]:
+def near_misses(hostvars: Hosts, names: Iterable[str]) -> Iterator[Problem]:
     """Variables that hardly differ from one of ours. They may well be the inventory's own, so they are no errors."""
-    return [
-        Problem(f"hosts.{host}.{name}", f"is no variable of this collection; did you mean {near}?")
-        for host in names
-        for name in variables_of(hostvars, host)
-        if (near := _near(str(name)))
-    ]
+    for host in names:
+        for name in variables_of(hostvars, host):
+            if near := _near(str(name)):
+                yield Problem(f"hosts.{host}.{name}", f"is no variable of this collection; did you mean {near}?")
 
 
 @functools.cache

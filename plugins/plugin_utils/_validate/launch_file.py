@@ -18,7 +18,7 @@ from xml.parsers import expat
 from ...module_utils._ros.names import resolve
 from .._model.finding import Problem
 
-HERE = "localhost"
+HERE = ("localhost", "::1")
 _LEFT = "$("  # begins what only roslaunch can fill in
 _ARG = re.compile(r"\$\(\s*arg\s+([^\s()]+)\s*\)")
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
@@ -32,9 +32,9 @@ def is_known(text: str) -> bool:
     return _LEFT not in text
 
 
-@dataclass(frozen=True)
+@dataclass
 class Node:
-    """A `<node>` by its full name. `place` is where it stands, `devices` what its parameters and arguments name.
+    """A `<node>` by its full name. `place` is where it stands, `devices` what its arguments and parameters name.
 
     `sure`: there is no condition on it of which nobody knows here whether it holds.
     """
@@ -43,10 +43,10 @@ class Node:
     package: str
     type: str
     args: str = ""
-    devices: tuple[str, ...] = ()
     machine: str = ""
     place: str = ""
     sure: bool = True
+    devices: list[str] = field(default_factory=list)
 
     @property
     def words(self) -> list[str]:
@@ -116,7 +116,7 @@ def _refuse_entity(name: str, *_rest: object) -> None:
 
 @dataclass
 class _Scope:
-    """What an element hands on to those in it. Arguments that a group declares end with it."""
+    """What an element hands on to those in it, but for its node. Arguments that a group declares end with it."""
 
     tag: str
     namespace: str
@@ -124,7 +124,6 @@ class _Scope:
     there: bool = True
     sure: bool = True
     node: Node | None = None
-    values: list[str] = field(default_factory=list)  # of the node's parameters
 
 
 class _Reader:
@@ -139,26 +138,21 @@ class _Reader:
     def start(self, tag: str, attributes: Mapping[str, str], line: int) -> None:
         outer, place = self.scopes[-1], f"{self.path}, line {line}"
         said = {key: _filled(value, outer.args) for key, value in attributes.items()}
-        scope = replace(outer, tag=tag, node=None, values=[])
-        if outer.tag:
-            holds = _holds(said)
-            scope.there, scope.sure = outer.there and holds is not False, outer.sure and holds is not None
-        elif tag != "launch":
+        holds = _holds(said) if outer.tag else True
+        there, sure = outer.there and holds is not False, outer.sure and holds is not None
+        scope = replace(outer, tag=tag, node=None, there=there, sure=sure)
+        self.scopes.append(scope)
+        if not outer.tag and tag != "launch":
             self._problem("file", f"{place}: begins with <{tag}>", "a launch file, which begins with <launch>")
         if tag == "arg" and outer.tag in _HOLDERS:
             self.file.takes.add(said.get("name", ""))  # also where its condition does not hold
-        self.scopes.append(scope)
-        if scope.there and outer.tag in _HOLDERS:
+        if there and outer.tag in _HOLDERS:
             self._element(scope, said, place)
-        elif scope.there and outer.tag == "node" and tag == "param":
-            outer.values.append(said.get("value", "").strip())
+        elif there and outer.node and tag == "param":
+            outer.node.devices += _devices(said.get("value", "").strip())
 
     def end(self, _tag: str) -> None:
-        scope = self.scopes.pop()
-        if scope.node:
-            values = [*scope.values, *(word.rpartition(":=")[2] for word in scope.node.words)]
-            devices = tuple(value for value in values if is_known(value) and _DEVICE.match(value))
-            self.file.nodes.append(replace(scope.node, devices=devices))
+        self.scopes.pop()
 
     def ended(self, text: str) -> None:
         self.file.takes |= _used(text)
@@ -216,16 +210,15 @@ class _Reader:
             found = f"{place}: the name {said['name']} of a <node> has a namespace in it"
             self._problem("file", found, "ns= beside the name")
             return
-        space = resolve(said.get("ns", ""), scope.namespace)
-        scope.node = Node(
-            resolve(said["name"], space),
-            said["pkg"],
-            said["type"],
-            said.get("args", ""),
-            machine=said.get("machine", "") or self.default_machine,
-            place=place,
-            sure=scope.sure,
-        )
+        name = resolve(said["name"], resolve(said.get("ns", ""), scope.namespace))
+        machine = said.get("machine", "") or self.default_machine
+        scope.node = Node(name, said["pkg"], said["type"], said.get("args", ""), machine, place, scope.sure)
+        scope.node.devices += _devices(*(word.rpartition(":=")[2] for word in scope.node.words))
+        self.file.nodes.append(scope.node)
+
+
+def _devices(*values: str) -> list[str]:
+    return [value for value in values if is_known(value) and _DEVICE.match(value)]
 
 
 def _holds(said: Mapping[str, str]) -> bool | None:
@@ -247,7 +240,7 @@ def _filled(text: str, args: Mapping[str, str]) -> str:
 
 def _is_here(name: str, address: str) -> bool:
     """Whether a machine is the pod itself, as far as it is known."""
-    return not is_known(name + address) or (address or name) in (HERE, "::1") or address.startswith("127.")
+    return not is_known(name + address) or (address or name) in HERE or address.startswith("127.")
 
 
 def _used(text: str) -> set[str]:

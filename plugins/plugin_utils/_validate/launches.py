@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from ...module_utils._pod.launch import named
 from .._model.app import App, File, Launch, env_value
-from .._model.finding import Problem, each
+from .._model.finding import Problem, each, taken
 from .launch_file import LaunchFile, Node, is_known, read
 
 _POSE = "two estimates of where the robot is would fight"
@@ -76,12 +76,10 @@ def written(files: Sequence[File], package: str, name: str) -> File | None:
 
 def _twice(nodes: Sequence[Node]) -> Iterator[Problem]:
     """roslaunch refuses them. Of two that depend on what is not known here only one may be there."""
-    first: dict[str, Node] = {}
-    for node in nodes:
-        other = first.setdefault(node.name, node)
-        if other is not node and other.sure and node.sure:
-            found = f"{node.place}: {node.name} is at {other.place}, too"
-            yield Problem("file", found, "each node with a name of its own")
+    sure = [node for node in nodes if node.sure]
+    for at, name, first in taken(enumerate(node.name for node in sure)):
+        found = f"{sure[at].place}: {name} is at {sure[first].place}, too"
+        yield Problem("file", found, "each node with a name of its own")
 
 
 def _unknown_args(launch: Launch, files: Sequence[LaunchFile]) -> Iterator[Problem]:
@@ -129,6 +127,4 @@ def why_single(node: Node) -> str:
         return reason
     if package == "rosbag" and any(word.startswith(("-O", "--output-name")) for word in node.words):
         return "-O names one file, and both would write to it"
-    for device in node.devices:
-        return f"{device} is one device, and the two would both drive it"
-    return ""
+    return f"{node.devices[0]} is one device, and the two would both drive it" if node.devices else ""

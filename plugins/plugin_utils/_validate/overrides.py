@@ -54,12 +54,12 @@ def override_problems(plain: Object, overrides: Said, container: str, path: str)
     shape = list(_shape_problems(plain, overrides, path))
     if shape:
         return shape
+    merged = deep_merge(plain, overrides)
     problems = [
         Problem(join_path(path, *field), "changes what the collection finds the object by", "leave it out")
         for field in FIXED
-        if _has(overrides, field) and inside(overrides, field) != inside(plain, field)
+        if inside(merged, field) != inside(plain, field)
     ]
-    merged = deep_merge(plain, overrides)
     problems += _pod_problems(plain, merged, container, path)
     replicas = inside(merged, ("spec", "replicas"))
     if replicas != 1:
@@ -96,36 +96,29 @@ def _pod_problems(plain: Object, merged: Object, container: str, path: str) -> I
                     yield Problem(f"{where}.{key}", "is missing or no text", "text")
 
 
-def _shape_problems(plain: Any, overrides: Any, path: str) -> Iterator[Problem]:
-    """Where the override is of another kind than what it is laid over: a text for a mapping, and the like."""
-    for key, value in overrides.items():
-        if value is None or key not in plain:
-            continue
-        base, where = plain[key], join_path(path, key)
-        if isinstance(base, Mapping) != isinstance(value, Mapping) or isinstance(base, list) != isinstance(value, list):
-            kind = (
-                "a mapping" if isinstance(base, Mapping) else "a list" if isinstance(base, list) else "a single value"
-            )
-            yield Problem(where, f"is {shown(value)}", f"{kind}, as in the object it changes")
-        elif isinstance(value, Mapping):
-            yield from _shape_problems(base, value, where)
-        elif isinstance(value, list):
-            yield from _entry_problems(key, base, value, where)
+def _shape_problems(base: Any, value: Any, path: str, field: str = "") -> Iterator[Problem]:
+    """Where the override is of another kind than what it is laid over, or a list of named entries has one without."""
+    kind = _kind(base)
+    if _kind(value) != kind:
+        yield Problem(path, f"is {shown(value)}", f"{kind}, as in the object it changes")
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            if item is not None and key in base:
+                yield from _shape_problems(base[key], item, join_path(path, key), key)
+    elif isinstance(value, list):
+        key = merge_key(field, base, value)
+        known = {str(item[key]): item for item in base} if key else {}
+        named = key is None and base and all(isinstance(item, Mapping) for item in base)
+        for where, item in each(path, value):
+            if key and str(item[key]) in known:
+                yield from _shape_problems(known[str(item[key])], item, where)
+            elif named and not (isinstance(item, Mapping) and item.get("name")):
+                found = "has no name" if isinstance(item, Mapping) else f"is {shown(item)}"
+                yield Problem(where, found, "a mapping with the key that tells the entries apart")
 
 
-def _entry_problems(field: str, base: list[Any], value: list[Any], path: str) -> Iterator[Problem]:
-    key = merge_key(field, base, value)
-    if key is None:
-        if base and all(isinstance(item, Mapping) for item in base):
-            for where, item in each(path, value):
-                if not isinstance(item, Mapping) or not item.get("name"):
-                    found = "has no name" if isinstance(item, Mapping) else f"is {shown(item)}"
-                    yield Problem(where, found, "a mapping with the key that tells the entries apart")
-        return
-    known = {str(item[key]): item for item in base}
-    for where, item in each(path, value):
-        if str(item[key]) in known:
-            yield from _shape_problems(known[str(item[key])], item, where)
+def _kind(value: Any) -> str:
+    return "a mapping" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else "a single value"
 
 
 def inside(value: Any, field: Sequence[str]) -> Any:
@@ -133,8 +126,3 @@ def inside(value: Any, field: Sequence[str]) -> Any:
     for key in field:
         value = value.get(key) if isinstance(value, Mapping) else None
     return value
-
-
-def _has(value: Any, field: Sequence[str]) -> bool:
-    parent = inside(value, field[:-1])
-    return isinstance(parent, Mapping) and field[-1] in parent

@@ -59,9 +59,9 @@ def _same_names(draft: Draft) -> Iterator[Problem]:
     ]
     for path, (_scope, name), first in taken(apps):
         yield Problem(f"{path}.name", f"is '{name}' as in {first}", "a name of its own")
-    named = {path: app.name for path, app, _raw in draft.apps}
-    for path, node, first in taken((path, context.graph_node(app, draft.robot)) for path, app, _raw in draft.apps):
-        if named[path] != named[first]:
+    nodes = [((path, app.name), context.graph_node(app, draft.robot)) for path, app, _raw in draft.apps]
+    for (path, name), node, (first, other) in taken(nodes):
+        if name != other:
             yield Problem(f"{path}.node_name", f"gives the ROS node {node} as {first} does", "a node name of its own")
 
 
@@ -143,14 +143,11 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
     for path, app, raw in draft.apps:
         yield from (warning.below(path) for warning in app_warnings(app, raw))
     used = {mount.name for app in draft.robot.apps for mount in app.volumes}
-    for volume in draft.robot.volumes:
-        if volume.name not in used:
-            yield Problem(f"{draft.path}.persistent_storage.volumes", f"no app mounts {volume.name}")
-    first: dict[str, str] = {}
-    for path, app, _raw in draft.apps:
-        for device in app.devices:
-            if first.setdefault(device, app.name) != app.name:
-                yield Problem(f"{path}.devices", f"{device} is {first[device]}'s, too; few devices serve two")
+    for name in [volume.name for volume in draft.robot.volumes if volume.name not in used]:
+        yield Problem(f"{draft.path}.persistent_storage.volumes", f"no app mounts {name}")
+    devices = [((path, app.name), device) for path, app, _raw in draft.apps for device in app.devices]
+    for (path, _name), device, (_path, other) in taken(devices):
+        yield Problem(f"{path}.devices", f"{device} is {other}'s, too; few devices serve two")
     image = draft.robot.master.image
     if draft.robot.master.mode != "external" and moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
@@ -209,21 +206,18 @@ def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
 
 def fleet_app_problems(drafts: Sequence[Draft]) -> Iterator[Problem]:
     """Objects of the whole fleet come out of every robot's variables, so these have to agree."""
-    known: dict[str, tuple[str, App]] = {}
+    apps: dict[str, tuple[str, App]] = {}
     nodes: dict[str, tuple[str, App]] = {}
     shared = [draft for draft in drafts if draft.robot.master.mode == "shared"]
     for draft in shared:
         if draft.robot.master != shared[0].robot.master:
             found = f"differs from the one of {shared[0].robot.name}, although the master is shared"
             yield Problem(f"{draft.path}.ros_master_image", found, "the same ros_master_* variables for all robots")
-    for draft in drafts:
-        for path, app, _raw in draft.apps:
-            if app.scope != "fleet":
-                continue
-            known_path, known_app = known.setdefault(app.name, (path, app))
-            if app != known_app:
-                found = f"differs from {known_path}, but scope fleet means one app for all"
-                yield Problem(path, found, "one definition")
-            node_path, node_app = nodes.setdefault(app.node_name, (path, app))
-            if node_app.name != app.name and not node_path.startswith(f"{draft.path}."):
-                yield Problem(f"{path}.node_name", f"is the ROS node name of {node_path} too", "a node name of its own")
+    for path, app in [(path, app) for draft in drafts for path, app, _raw in draft.apps if app.scope == "fleet"]:
+        first, same = apps.setdefault(app.name, (path, app))
+        if app != same:
+            yield Problem(path, f"differs from {first}, but scope fleet means one app for all", "one definition")
+        first, same = nodes.setdefault(app.node_name, (path, app))
+        # two of one robot are told by its own checks
+        if same.name != app.name and first.partition(".ros_apps[")[0] != path.partition(".ros_apps[")[0]:
+            yield Problem(f"{path}.node_name", f"is the ROS node name of {first} too", "a node name of its own")

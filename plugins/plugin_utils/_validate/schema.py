@@ -32,10 +32,13 @@ def or_empty(form: str) -> Kind:
     return either("text", Annotated[str, Form(lambda value: not value or known.test(value), known.allowed)])
 
 
-def numeral(allowed: str, of: type, pattern: str, least: float = -math.inf) -> Kind:
-    """A number, or the text of one."""
-    number = Kind(of, (), (Form(lambda value: value >= least, allowed),))
-    return Kind(Union, (number, Kind(str, (), (Form(re.compile(pattern).search, allowed),))), (words(allowed),))
+def numeral(of: type, least: float = -math.inf) -> Kind:
+    """A number from there on, or the text of one."""
+    digits = "[0-9]+" if of is int else r"[0-9]+(\.[0-9]+)?"
+    allowed = ("a whole number" if of is int else "a number") + (", 0 or more" if least == 0 else "")
+    number = Form(lambda value: float(value) >= least, allowed)
+    text = Form(lambda value: re.fullmatch(f"-?{digits}", value) and number.test(value), allowed)
+    return Kind(Union, (Kind(of, (), (number,)), Kind(str, (), (text,))), (words(allowed),))
 
 
 # An empty answer of AWX's survey is nothing to ansible-core.
@@ -100,16 +103,12 @@ BOOLEANS = ("true", "false", "yes", "no", "on", "off", "1", "0", 1, 0)
 LENIENT = {
     **{name: kind_of(hint) for name, hint in STRICT.items()},
     "str": kind_of(str | float),
-    "int": numeral("a whole number", int, "^-?[0-9]+$"),
-    "float": numeral("a number", float, r"^-?[0-9]+(\.[0-9]+)?$"),
+    "int": numeral(int),
+    "float": numeral(float),
     "bool": Kind(Literal, BOOLEANS),
 }
-# Of times in seconds.
-SECONDS = {
-    "int": numeral("a whole number, 0 or more", int, "^[0-9]+$", 0),
-    "float": numeral("a number, 0 or more", float, r"^[0-9]+(\.[0-9]+)?$", 0),
-}
 TIMES = ("_timeout", "_seconds")
+SECONDS = {kind: numeral(of, 0) for kind, of in (("int", int), ("float", float))}
 
 
 @functools.cache

@@ -17,6 +17,7 @@ def lines(path: Path) -> list[str]:
 
 def test_it_is_appended_to_and_its_directory_made(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "log.jsonl"
+    assert last_record(path, "n") is None
     for number in range(2):
         log = JsonLinesLog(path)
         log.write({"n": number})
@@ -52,10 +53,6 @@ def test_last_record(tmp_path: Path, text: str, expected: dict[str, object] | No
     path = tmp_path / "log.jsonl"
     path.write_text(text, encoding="utf-8")
     assert last_record(path, "n") == expected
-
-
-def test_no_file_yet(tmp_path: Path) -> None:
-    assert last_record(tmp_path / "none.jsonl", "n") is None
 
 
 def test_only_the_tail_of_a_long_file_is_read(tmp_path: Path) -> None:

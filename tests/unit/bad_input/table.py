@@ -11,15 +11,29 @@ from typing import Any
 import yaml
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1"]}
+LAUNCHED: dict[str, Any] = {"args": None, "launch": {"package": "base", "file": "bringup.launch"}}
 GOOD_APP = {"name": "talker", "image": "example.org/talker:1.0", "args": ["talk"], "placement": "local"}
+# What a path begins with that a case says: `app`, or `apps[1]`.
+PLACES = {
+    "app": "hosts.robot1.ros_apps[0]",
+    "launched": "hosts.robot1.ros_apps[0]",
+    "launch": "hosts.robot1.ros_apps[0].launch",
+    "robot": "hosts.robot1",
+    "edge": "hosts.edge1",
+    "volumes": "hosts.robot1.persistent_storage.volumes",
+    "apps": "hosts.robot1.ros_apps",
+}
 
 
 def load_cases() -> list[dict[str, Any]]:
-    """All cases as they stand in the file; beside what each `says` its `path` and its `words`."""
-    cases: list[dict[str, Any]] = yaml.safe_load((Path(__file__).resolve().parent / "cases.yml").read_text("utf-8"))
+    """All cases as those that are `others` in the file; beside what each `says` its `path` and its `words`."""
+    table = yaml.safe_load((Path(__file__).resolve().parent / "cases.yml").read_text("utf-8"))
+    cases: list[dict[str, Any]] = table.pop("others")
+    for key, rows in table.items():
+        cases += [{key: given, "says": key + (said if said[0] == "[" else f".{said}")} for said, given in rows.items()]
     for case in cases:
         path, words = case["says"].split(": ", 1)
-        case["path"] = re.sub(r"^app\b(?=\.|$)", "hosts.robot1.ros_apps[0]", path)
+        case["path"] = re.sub(r"^\w+(?=[.\[]|$)", lambda found: PLACES.get(found[0], found[0]), path)
         case["words"] = words.removeprefix("...; ")
     return cases
 
@@ -29,8 +43,13 @@ def fleet_of(case: dict[str, Any]) -> dict[str, Any]:
     groups = {**(case.get("groups") or GROUPS)}
     groups.setdefault("all", list(dict.fromkeys(host for group in groups.values() for host in group)))
     hosts: dict[str, Any] = {host: {} for host in groups["all"]}
-    hosts.update(copy.deepcopy(case.get("vars") or {}))
-    apps = case.get("apps") or ([case["app"]] if "app" in case else [])
+    said = {"edge1": case.get("edge"), "robot1": case.get("robot"), **(case.get("vars") or {})}
+    hosts.update(copy.deepcopy({host: variables for host, variables in said.items() if variables}))
+    if "volumes" in case:
+        hosts["robot1"]["persistent_storage"] = {"volumes": copy.deepcopy(case["volumes"])}
+    launched = {**LAUNCHED, **case.get("launched", {}), "launch": {**LAUNCHED["launch"], **case.get("launch", {})}}
+    one = launched if {"launched", "launch"} & {*case} else case.get("app")
+    apps = case.get("apps") or ([] if one is None else [one])
     if apps:
         hosts["robot1"]["ros_apps"] = [changed_app(app) for app in apps]
     return {"groups": groups, "hosts": hosts}

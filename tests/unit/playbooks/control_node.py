@@ -12,6 +12,7 @@ import yaml
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 CHECKOUT = Path(__file__).resolve().parents[3]
+ROBOTS = ("robot1", "robot2", "robot3", "robot4", "robot5")
 IDENTITY = "/api/v1/namespaces/kube-system/configmaps/rosops-fleet"
 # Who is asked is written down. Edge 1 is off; the file of the others is one of the test.
 SSH = """#!/bin/sh
@@ -38,6 +39,35 @@ PLAYBOOK = """
 """
 
 
+def started(folder: Path, inventory: str, play: str | Path, *words: str, **environ: str) -> subprocess.Popen[str]:
+    """ansible-playbook in a folder, as by a user of this checkout whose home is in it and who has set nothing else."""
+    (folder / "home").mkdir(exist_ok=True)
+    set_for_it = ("ANSIBLE_", "K8S_AUTH_", "KUBE", "CONTROLLER_")
+    environment = {
+        **{key: value for key, value in os.environ.items() if not key.startswith(set_for_it)},
+        "HOME": str(folder / "home"),
+        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
+        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
+        "ANSIBLE_LOCAL_TEMP": str(folder / "tmp"),
+        "ANSIBLE_NOCOLOR": "1",
+        "ANSIBLE_PIPELINING": "1",  # of localhost, too: what it runs is half as many processes
+        "LC_ALL": "C.UTF-8",
+        "ROSOPS_FLEET_REPORT": str(folder / "report.json"),
+        **environ,
+    }
+    command = [str(Path(sys.executable).parent / "ansible-playbook"), "-i", inventory, str(play), *words]
+    return subprocess.Popen(  # noqa: S603 - our own
+        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def ended(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
+    """Once it has ended, with what it has printed."""
+    out, err = process.communicate(timeout=300)
+    print(out[-20000:], err[-2000:])
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
 class Control:
     """A control node: an empty home, an inventory, and the way to the hosts."""
 
@@ -56,7 +86,7 @@ class Control:
         hosts = {
             name: {"ansible_host": f"192.0.2.{number}"} for number, name in enumerate(("edge1", "edge2", "edge3"), 1)
         }
-        robots = {f"robot{number}": {"ansible_host": f"192.0.2.{10 + number}"} for number in range(1, 11)}
+        robots = {name: {"ansible_host": f"192.0.2.{10 + number}"} for number, name in enumerate(ROBOTS, 1)}
         variables = {
             "fleet_name": "production",
             "k3s_api_endpoint": "127.0.0.1",
@@ -69,7 +99,6 @@ class Control:
         children = {"edge": {"hosts": hosts}, "robots": {"hosts": robots}}
         self.write("hosts.yml", yaml.safe_dump({"all": {"vars": variables, "children": children}}))
         self.write("play.yml", PLAYBOOK)
-        (folder / "home").mkdir()
 
     def plays(self, playbook: str) -> None:
         """Take one of the collection's own, on robots with an app."""
@@ -84,29 +113,10 @@ class Control:
         (self.folder / name).chmod(mode)
 
     def run(self, *arguments: str, **environ: str) -> subprocess.CompletedProcess[str]:
-        process = self.start(*arguments, **environ)
-        out, err = process.communicate(timeout=300)
-        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+        return ended(self.start(*arguments, **environ))
 
     def start(self, *arguments: str, **environ: str) -> subprocess.Popen[str]:
-        kept = {
-            key: value for key, value in os.environ.items() if not key.startswith(("ANSIBLE_", "K8S_AUTH_", "KUBE"))
-        }
-        environment = {
-            **kept,
-            "HOME": str(self.folder / "home"),
-            "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
-            "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
-            "ANSIBLE_LOCAL_TEMP": str(self.folder / "tmp"),
-            "ANSIBLE_NOCOLOR": "1",
-            "ROSOPS_FLEET_REPORT": str(self.folder / "report.json"),
-            **environ,
-        }
-        program = str(Path(sys.executable).parent / "ansible-playbook")
-        command = [program, "-i", str(self.folder / "hosts.yml"), str(self.folder / "play.yml"), *arguments]
-        process = subprocess.Popen(  # noqa: S603 - our own
-            command, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        process = started(self.folder, "hosts.yml", "play.yml", *arguments, **environ)
         self.started.append(process)
         return process
 

@@ -56,7 +56,6 @@ class Run:
         said = {"ros_apps": [APP], "ros_app_rollout_timeout": 1, "update_failure_budget": 9, **variables}
         done = control.run("--limit", robots, "-e", json.dumps(said), *arguments, **environ)
         self.status, self.output = done.returncode, done.stdout + done.stderr
-        print(self.output)
         report: dict[str, Any] = json.loads((control.folder / "report.json").read_text())
         self.hosts = {one["host"]: one for one in report["hosts"]}
         self.plays = [play["name"] for play in report["plays"]]

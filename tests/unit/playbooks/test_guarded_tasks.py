@@ -83,15 +83,14 @@ def test_what_fails_is_taken_back_and_the_wave_after_it_does_not_begin(control: 
     assert (run.returncode, marks(control)) == (2, []), run.stdout
     assert "rolled-back: Find something wrong: the disk is full" in run.stdout
     assert "not begun: robot1 failed" in run.stdout
-    both = control.run(*wrong, "-e", "update_failure_budget=1")
-    assert (both.returncode, marks(control)) == (2, ["mark-robot2"]), both.stdout
 
 
 def test_without_a_way_back_what_was_done_stays_and_what_a_task_hides_stays_hidden(control: Control) -> None:
+    """So many may fail that the next wave begins all the same."""
     hidden = "- name: Log in\n  ansible.builtin.fail: {msg: hush-hush}\n  no_log: true\n"
     control.write("tasks.yml", TASKS.format(folder=control.folder) + hidden)
-    run = control.run(*given(control))
-    assert (run.returncode, marks(control)) == (2, ["mark-robot1"]), run.stdout
+    run = control.run(*given(control, "-e", "update_failure_budget=1"))
+    assert (run.returncode, marks(control)) == (2, ["mark-robot1", "mark-robot2"]), run.stdout
     assert "what was done stays, as there is no guarded_undo" in run.stdout
     assert "Log in: hidden by no_log" in run.stdout
     assert "hush-hush" not in (control.folder / "report.json").read_text()

@@ -78,24 +78,31 @@ def test_its_yaml_is_clean(repository: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(tmp_path: Path) -> None:
-    assert changed(new(tmp_path, "-e", "example=launch")) == 1
-    where = tmp_path / "My_Fleet"
+@pytest.fixture(scope="module")
+def launched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example with a launch file."""
+    where = tmp_path_factory.mktemp("launched")
+    assert changed(new(where, "-e", "example=launch")) == 1
+    return where / "My_Fleet"
+
+
+def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(launched: Path) -> None:
     for program, *arguments in (
         ["ansible-playbook", "validate.yml"],
         ["ansible-playbook", "--syntax-check", "secrets.yml"],
         ["yamllint", "--strict", "."],
         ["ansible-lint", "--offline"],
     ):
-        done = run(where, program, *arguments)
+        done = run(launched, program, *arguments)
         assert done.returncode == 0, done.stdout + done.stderr
         assert "[WARNING]" not in done.stdout + done.stderr
-    (where / "images" / "base-1.0.tar").touch()
+    image = launched / "images" / "base-1.0.tar"
+    image.touch()
     asked = ["robot1", "-m", "debug", "-a", "var=images_archives"]
-    shown = run(where, "ansible", *asked, ANSIBLE_CALLBACK_RESULT_FORMAT="json").stdout
+    shown = run(launched, "ansible", *asked, ANSIBLE_CALLBACK_RESULT_FORMAT="json").stdout
     archives = json.loads(shown.partition("=> ")[2])
-    assert [Path(item["path"]).resolve() for item in archives["images_archives"]] == [where / "images" / "base-1.0.tar"]
-    assert changed(new(tmp_path, "-e", "example=launch")) == 0
+    assert [Path(item["path"]).resolve() for item in archives["images_archives"]] == [image]
+    image.unlink()
 
 
 K3S = """#!/bin/sh
@@ -106,9 +113,7 @@ mv {where}/new {where}/old && echo "$@" >{where}/words && echo secret/cloud-1 co
 """
 
 
-def test_its_secrets_are_applied_on_the_server_of_each_robot_s_cluster(tmp_path: Path) -> None:
-    assert changed(new(tmp_path, "-e", "example=launch")) == 1
-    where = tmp_path / "My_Fleet"
+def test_its_secrets_are_applied_on_the_server_of_each_robot_s_cluster(launched: Path, tmp_path: Path) -> None:
     hosts = {}
     for host in ("edge1", "robot1", "robot2"):
         asked = tmp_path / host
@@ -119,8 +124,9 @@ def test_its_secrets_are_applied_on_the_server_of_each_robot_s_cluster(tmp_path:
         hosts[host] = {"ansible_connection": "local", "ansible_shell_executable": shell}
     hosts["robot2"]["robot_mode"] = "standalone"
     given = {"ansible_become": False, "ansible_python_interpreter": sys.executable, "vault_cloud_token": "open sesame"}
-    (where / "inventory" / "local.yml").write_text(yaml.safe_dump({"all": {"hosts": hosts, "vars": given}}))
-    done = run(where, "ansible-playbook", "secrets.yml")
+    (tmp_path / "local.yml").write_text(yaml.safe_dump({"all": {"hosts": hosts, "vars": given}}))
+    words = ("-i", "inventory", "-i", str(tmp_path / "local.yml"), "secrets.yml")
+    done = run(launched, "ansible-playbook", *words)
     assert (done.returncode, done.stdout.count("changed=1")) == (0, 2), done.stdout + done.stderr
     assert "sesame" not in done.stdout
     for host, robot in (("edge1", "robot1"), ("robot2", "robot2")):
@@ -129,7 +135,7 @@ def test_its_secrets_are_applied_on_the_server_of_each_robot_s_cluster(tmp_path:
         assert (secret["kind"], secret["metadata"]) == ("Secret", {"name": "cloud-1", "namespace": f"robot-{robot}"})
         assert base64.b64decode(secret["data"]["token"]) == b"open sesame"
     assert not (tmp_path / "robot1" / "words").exists()
-    done = run(where, "ansible-playbook", "secrets.yml")
+    done = run(launched, "ansible-playbook", *words)
     assert (done.returncode, done.stdout.count("changed=0")) == (0, 2), done.stdout + done.stderr
 
 
@@ -140,11 +146,6 @@ def test_an_example_that_is_not_there_is_refused_by_those_that_are(tmp_path: Pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_its_playbooks_are_the_collection_s(repository: Path) -> None:
-    done = run(repository, "ansible-playbook", "--syntax-check", *PLAYBOOKS)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
 def test_passwords_are_an_encrypted_part_of_the_inventory(repository: Path, tmp_path: Path) -> None:
     (tmp_path / "password").write_text("open")
     vault = repository / "inventory" / "vault.yml"
@@ -152,9 +153,6 @@ def test_passwords_are_an_encrypted_part_of_the_inventory(repository: Path, tmp_
     try:
         key = ("--vault-password-file", str(tmp_path / "password"))
         assert run(repository, "ansible-vault", "encrypt", *key, "inventory/vault.yml").returncode == 0
-        assert run(repository, "ansible-playbook", "validate.yml").returncode != 0
-        done = run(repository, "ansible-inventory", "--host", "robot1", *key)
-        assert "vault_registry_password" in yaml.safe_load(done.stdout), done.stderr
         assert run(repository, "ansible-playbook", "validate.yml", *key).returncode == 0
         done = run(repository, "yamllint", "--strict", ".")
         assert done.returncode == 0, done.stdout
@@ -183,7 +181,6 @@ def test_a_second_run_changes_nothing_and_what_differs_stays_unless_forced(outsi
     assert changed(forced) == 1
     assert "-mine: {}" in forced.stdout
     assert hosts.read_text() == example
-    assert changed(new(outside)) == 0
 
 
 def test_without_a_directory_nothing_is_written_and_it_is_said_what_to_give(tmp_path: Path) -> None:
@@ -193,8 +190,7 @@ def test_without_a_directory_nothing_is_written_and_it_is_said_what_to_give(tmp_
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_checkout_has_them_by_the_same_names(tmp_path: Path) -> None:
-    """And they lead to the collection that is in it."""
+def test_the_checkout_has_the_repository_s_playbooks_and_they_lead_to_its_collection(tmp_path: Path) -> None:
     where = str(COLLECTIONS)
     words = ["-i", "robot1,", "--syntax-check", *PLAYBOOKS]
     done = run(CHECKOUT, "ansible-playbook", *words, HOME=str(tmp_path), ANSIBLE_COLLECTIONS_PATH=where)

@@ -50,15 +50,13 @@ def earlier_run(folder: Path, *hosts: str) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("injected", ["True", "False"])
-def test_facts_neither_hide_nor_invent_outcomes(
-    server: Server, control: Control, tmp_path: Path, injected: str
-) -> None:
+def test_facts_neither_hide_nor_invent_outcomes(server: Server, control: Control, tmp_path: Path) -> None:
+    """Where they are variables, and where they are not."""
     server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
     runs(server, "robot2")
     runs(server, "robot4", "x.example/talker:1")
     hosts = ("edge2", "robot2", "robot3", "robot4")
-    environ = {**earlier_run(tmp_path, *hosts), "ANSIBLE_INJECT_FACT_VARS": injected}
+    environ = {**earlier_run(tmp_path, *hosts), "ANSIBLE_INJECT_FACT_VARS": "True"}
     run = Run(control, ",".join(hosts), "--tags", "apps", environ=environ)
     assert run.plays.count(WAVE) == 1
     words = {name: run.outcome(name)[0] for name in hosts}
@@ -66,7 +64,7 @@ def test_facts_neither_hide_nor_invent_outcomes(
     assert artifacts(run) == words
     assert "long ago" not in run.output
     assert run.status == 4
-    again = Run(control, "edge2,robot4", "--tags", "apps", environ=environ)
+    again = Run(control, "edge2,robot4", "--tags", "apps", environ={**environ, "ANSIBLE_INJECT_FACT_VARS": "False"})
     assert (again.status, again.output.count("take the robot's steps")) == (0, 1)  # no wave
 
 
@@ -87,21 +85,18 @@ def test_a_host_that_is_off_or_on_which_ansible_cannot_work_ends_no_waves(server
     assert "What became of every host" in run.plays
 
 
-@pytest.mark.parametrize("robots", ["robot3", "robot3,edge1"])
-def test_where_nobody_is_left_the_artifact_says_why(control: Control, robots: str) -> None:
-    environ = {"ANSIBLE_SHOW_CUSTOM_STATS": "1"}
-    run = Run(control, robots, "--tags", "preflight,k3s", environ=environ)
-    assert artifacts(run) == dict.fromkeys(robots.split(","), "deferred-offline")
-    assert {run.outcome(name)[0] for name in robots.split(",")} == {"deferred-offline"}
+def test_where_nobody_is_left_the_artifact_says_why(control: Control) -> None:
+    run = Run(control, "robot3,edge1", "--tags", "preflight,k3s", environ={"ANSIBLE_SHOW_CUSTOM_STATS": "1"})
+    assert artifacts(run) == dict.fromkeys(("robot3", "edge1"), "deferred-offline")
+    assert {run.outcome(name)[0] for name in ("robot3", "edge1")} == {"deferred-offline"}
     assert "No route to host" in run.outcome("robot3")[1]
     assert run.status == 4
     assert control.asked.count("192.0.2.13") == 1
 
 
-@pytest.mark.parametrize("tag", ["validate", "always"])
-def test_without_the_validation_no_cluster_is_asked(server: Server, control: Control, tag: str) -> None:
+def test_without_the_validation_no_cluster_is_asked(server: Server, control: Control) -> None:
     environ = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "t"}
-    run = Run(control, "robot1", "--skip-tags", tag, "--tags", "node,apps", environ=environ)
+    run = Run(control, "robot1", "--skip-tags", "validate", "--tags", "node,apps", environ=environ)
     assert run.status == 2
     assert "import the playbook rosops.fleet.validate" in " ".join(run.output.split())
     assert server.requests.empty()
@@ -111,7 +106,6 @@ def test_without_the_validation_no_cluster_is_asked(server: Server, control: Con
     ("ending", "of", "ends"),
     [
         (signal.SIGKILL, "run", (-signal.SIGKILL, "")),
-        (signal.SIGTERM, "run", (-signal.SIGTERM, "")),
         (signal.SIGINT, "run", (99, "[ERROR]: User interrupted execution")),
         (signal.SIGINT, "worker", (1, "[ERROR]: A worker was found in a dead state")),
     ],

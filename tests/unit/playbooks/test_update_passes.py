@@ -7,11 +7,10 @@ ansible-playbook and the role are the real ones; what the action does to a robot
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parents[3]
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, ended, started
+
 # so deep are its tasks nested in each other; a robot that works for ten minutes is looked at as often as all of it
 LOOKS = 60 if os.environ.get("ROSOPS_TEST_ALL") else 6
 PLAY = """
@@ -64,19 +63,9 @@ def test_more_robots_work_than_there_are_forks(tmp_path: Path) -> None:
     (tmp_path / "play.yml").write_text(PLAY)
     (tmp_path / "ansible.cfg").write_text("[defaults]\n")
     (tmp_path / "hosts").write_text(INVENTORY)
-    environment = {
-        **os.environ,
-        "ANSIBLE_COLLECTIONS_PATH": str(tmp_path),
-        "ANSIBLE_HOME": str(tmp_path / "home"),
-        "ANSIBLE_CONFIG": str(tmp_path / "ansible.cfg"),
-        "LC_ALL": "C.UTF-8",
-    }
-    program = f"{Path(sys.executable).parent}/ansible-playbook"
-    play = [program, *["-i", "hosts", "--forks", "2", "--tags", "apps", "play.yml"]]
-    done = subprocess.run(  # noqa: S603 - of this file
-        play, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    environ = {"ANSIBLE_COLLECTIONS_PATH": str(tmp_path), "ANSIBLE_CONFIG": str(tmp_path / "ansible.cfg")}
+    done = ended(started(tmp_path, "hosts", "play.yml", "--forks", "2", "--tags", "apps", **environ))
+    assert done.returncode == 0
     assert done.stdout.count(" is updated") == 3
     looks = (tmp_path / "looks").read_text().split()
     assert looks.index("robot3") <= 2, looks  # it had its turn while the others worked

@@ -46,7 +46,6 @@ def play(control: Control, playbook: str, inventory: dict[str, Any], *arguments:
     done = control.run(
         "--limit", "robot1", "-e", json.dumps(said), *arguments, TMPDIR=str(control.folder / "temporary")
     )
-    print(done.stdout + done.stderr)
     return done.returncode, done.stdout + done.stderr
 
 

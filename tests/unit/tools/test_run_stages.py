@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import re
@@ -15,13 +14,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 import pytest
+from imports import loaded
 
-SPEC = importlib.util.spec_from_file_location("run_stages", Path(__file__).resolve().parents[2] / "run_stages.py")
-assert SPEC is not None
-assert SPEC.loader is not None
-run_stages = importlib.util.module_from_spec(SPEC)
-sys.modules["run_stages"] = run_stages
-SPEC.loader.exec_module(run_stages)
+run_stages = loaded(Path(__file__).resolve().parents[2] / "run_stages.py")
 
 # A stage waits for those that its name has after a plus sign: lanes that ran one after the other would never end.
 STAGE = """

@@ -53,6 +53,14 @@ def test_deep_merge(base: dict[str, Any], overrides: dict[str, Any], merged: dic
     assert (base, overrides) == before
 
 
+def test_what_is_merged_is_a_document_of_its_own() -> None:
+    base, value = {"a": {"b": [1]}}, {"c": [2]}
+    merged = deep_merge(base, value)
+    merged["a"]["b"] += merged["c"]
+    merged["c"] += [3]
+    assert (base, value) == ({"a": {"b": [1]}}, {"c": [2]})
+
+
 LIDAR: dict[str, Any] = {
     "name": "lidar", "image": "x:1", "args": ["a", "b"], "params": {"skip": 1, "pid": {"p": 1, "i": 2}},
     "files": [{"path": "/a", "content": "1"}, {"path": "/b", "content": "2"}],

@@ -49,12 +49,6 @@ def test_each_hosts_part(groups: dict[str, Any], modes: dict[str, str], expected
     assert list(fleet_topology(groups, modes).items()) == [(part.node, part) for part in expected]
 
 
-def test_a_host_may_have_another_name_in_its_cluster() -> None:
-    found = fleet_topology({"edge": ["e1"], "robots": ["r1"]}, {}, {"e1": "node-1"})
-    assert {name: host.node for name, host in found.items()} == {"e1": "node-1", "r1": "r1"}
-    assert found["r1"].servers == ("e1",)
-
-
 @pytest.mark.parametrize("first", ["", "e2"])
 def test_the_edge_s_order_is_that_of_names(first: str) -> None:
     """But for the server that is named as the first; robots stay as they are."""

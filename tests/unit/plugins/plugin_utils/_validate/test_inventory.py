@@ -3,36 +3,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import (
-    INSTEAD,
-    fleet_hosts,
-    inventory_problems,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import INSTEAD, fleet_hosts
 
 
-class Templated(Mapping[str, Any]):
+class Templated(dict[str, Any]):
     """Like hostvars: a value is made when it is read, and that may fail."""
 
-    def __init__(self, values: dict[str, Any]) -> None:
-        self.values_ = values
-
     def __getitem__(self, key: str) -> Any:
-        value = self.values_[key]
+        value = super().__getitem__(key)
         if isinstance(value, Exception):
             raise value
         return value
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.values_)
-
-    def __len__(self) -> int:
-        return len(self.values_)
 
 
 def test_fleet_hosts_picks_ours_and_what_is_misspelt() -> None:
@@ -85,18 +71,3 @@ def test_names_that_nothing_reads_are_refused_all_at_once_whatever_their_values(
     found = check_fleet({"edge": ["edge1"], "robots": ["robot1"]}, {"robot1": said}).problems
     assert [problem.path for problem in found] == [f"hosts.robot1.{name}" for name in INSTEAD]
     assert all(problem.allowed == INSTEAD[problem.path.rpartition(".")[2]] for problem in found)
-
-
-@pytest.mark.parametrize(
-    ("program", "said"),
-    [
-        ("/usr/bin/python3.7", "is /usr/bin/python3.7: the host has Python 3.7, and ansible-core"),
-        ("/usr/bin/python3.11", ""),
-        ("/usr/bin/python3", ""),
-        ("auto", ""),
-    ],
-)
-def test_a_python_that_is_named_and_too_old(program: str, said: str) -> None:
-    found = [*inventory_problems({"robot1": {"ansible_python_interpreter": program}}, ["robot1"], {})]
-    assert [one.path for one in found] == ["hosts.robot1.ansible_python_interpreter"] * bool(said)
-    assert all(one.problem.startswith(said) for one in found)

@@ -124,7 +124,7 @@ def test_conditions(condition: str, there: bool, sure: bool) -> None:
 def test_devices_of_parameters(inside: str, devices: tuple[str, ...]) -> None:
     port = '<arg name="port" default="/dev/ttyACM1"/><param name="/port" value="/dev/other"/>'
     (node,) = file_of(f'{port}<node pkg="p" type="t" name="n">{inside}</node>').nodes
-    assert node.devices == devices
+    assert tuple(node.devices) == devices
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_devices_of_parameters(inside: str, devices: tuple[str, ...]) -> None:
 )
 def test_devices_of_arguments(args: str, devices: tuple[str, ...]) -> None:
     (node,) = file_of(f'<node pkg="p" type="t" name="n" args="{args}"/>').nodes
-    assert node.devices == devices
+    assert tuple(node.devices) == devices
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -132,17 +131,13 @@ DOCS = Path(__file__).resolve().parents[5] / "docs" / "apps.md"
 @pytest.mark.parametrize(
     ("package", "kind", "words"),
     [
-        ("amcl", "amcl", "two estimates of where the robot is would fight"),
         ("robot_localization", "ekf_localization_node", "two estimates"),
         ("robot_localization", "ukf_localization_node", "two estimates"),
         ("gmapping", "slam_gmapping", "two maps"),
         ("slam_toolbox", "async_slam_toolbox_node", "two maps"),
         ("cartographer_ros", "cartographer_node", "two maps"),
         ("move_base", "move_base", "two servers lose goals"),
-        ("teleop_twist_keyboard", "teleop_twist_keyboard.py", "both move the robot"),
-        ("controller_manager", "spawner", "unload"),
         ("rplidar_ros", "rplidarNode", "one device"),
-        ("realsense2_camera", "realsense2_camera_node", "one device"),
         ("velodyne_driver", "velodyne_node", "one device"),
     ],
 )
@@ -157,7 +152,6 @@ def test_known_nodes(package: str, kind: str, words: str) -> None:
     [
         ("load realsense2_camera/RealSenseNodeFactory manager", "one device"),
         ("standalone velodyne_driver/DriverNodelet", "one device"),
-        ("load robot_localization/EkfNodelet manager", "two estimates"),
         ("load gmapping/SlamGMappingNodelet manager", "two maps"),
         ("load image_proc/rectify manager", ""),
         ("manager", ""),
@@ -187,7 +181,7 @@ def test_bags(args: str, refused: bool) -> None:
 
 
 def test_a_device_is_named() -> None:
-    node = Node("/base", "base", "driver", devices=("/dev/ttyUSB0", "/dev/ttyUSB1"))
+    node = Node("/base", "base", "driver", devices=["/dev/ttyUSB0", "/dev/ttyUSB1"])
     assert why_single(node) == "/dev/ttyUSB0 is one device, and the two would both drive it"
 
 
@@ -197,7 +191,6 @@ def test_a_device_is_named() -> None:
         ("robot_localization", "navsat_transform_node"),
         ("cartographer_ros", "cartographer_occupancy_grid_node"),
         ("rplidar_ros", "rplidarNodeClient"),
-        ("robot_state_publisher", "robot_state_publisher"),
         ("map_server", "map_server"),
         ("rosbag", "play"),
         ("nodelet", "nodelet"),
@@ -207,7 +200,7 @@ def test_of_others_two_do_no_harm(package: str, kind: str) -> None:
     assert why_single(Node("/n", package, kind)) == ""
 
 
-@pytest.mark.parametrize("package", ["amcl", "robot_localization", "gmapping", "slam_toolbox", "move_base", "urg_node"])
-def test_the_documentation_names_the_same_packages(package: str) -> None:
-    assert package in SINGLE
-    assert re.search(rf"^\| .*`{package}`", DOCS.read_text("utf-8"), re.MULTILINE)
+def test_the_documentation_names_the_same_packages() -> None:
+    told = "".join(line for line in DOCS.read_text("utf-8").splitlines() if line.startswith("| "))
+    packages = ("amcl", "robot_localization", "gmapping", "slam_toolbox", "move_base", "urg_node")
+    assert [package for package in packages if package not in SINGLE or f"`{package}`" not in told] == []

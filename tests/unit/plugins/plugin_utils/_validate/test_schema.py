@@ -99,12 +99,7 @@ def test_a_form_adds_to_the_spec_or_stands_in_its_place() -> None:
     assert kind_of_option({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
 
 
-@pytest.mark.parametrize("name", ["ros_apps", "robot_mode", "ros_master_mode", "node_taints", "observability_hub_url"])
-def test_what_the_validation_needs(name: str) -> None:
-    assert needed(name)
-    assert name in variables()
-
-
-@pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "k3s_node_name", "ros_app"])
-def test_what_it_leaves_to_the_role(name: str) -> None:
-    assert not needed(name)
+def test_what_the_validation_needs_and_what_it_leaves_to_the_role() -> None:
+    names = {"ros_apps", "robot_mode", "ros_master_mode", "node_taints", "observability_hub_url"}
+    left = {"k3s_token", "k3s_kubeconfig_path", "k3s_node_name", "ros_app"}
+    assert {name for name in names | left if needed(name)} == names < {*variables()}
