@@ -9,15 +9,11 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update import app_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
@@ -47,7 +43,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     Simulation,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
-    addressed,
     app,
     applied,
     marked,
@@ -94,22 +89,6 @@ def test_a_new_app_is_there_or_gone() -> None:
             last = [outcome_of(sim, wanted).outcome for _time in range(2)][-1]
             assert last == ("unchanged" if word == "updated" else word), (version, fault, at)
             assert bool(sim.deployment(("robot-robot1", "driver"))) == (word == "updated")
-
-
-@pytest.mark.parametrize("by_hand", [image("good", 77), "0"])
-@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
-def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by_hand: str) -> None:
-    sim, wanted = begin(name, "good")
-    assert outcome_of(sim, wanted).outcome == "updated"
-    (app_name,) = [one.name for one in wanted.apps]
-    sim.change_by_hand(("robot-robot1", app_name), by_hand)
-    found = outcome_of(sim, wanted)
-    assert (found.outcome, f"{app_name} was changed by hand" in sim.said) == ("updated", True)
-    there = sim.deployment(("robot-robot1", app_name))
-    assert there is not None
-    (made,) = app_objects(addressed(wanted))
-    assert there["spec"] == made["spec"]
-    assert outcome_of(sim, wanted).outcome == "unchanged"
 
 
 @pytest.mark.parametrize("after", ["1", "3", "5", "8", "5-once"])
@@ -172,47 +151,25 @@ def test_an_undo_by_hand_alone_costs_only_its_mark() -> None:
 
 @pytest.mark.parametrize("second", ["killed", "cancelled", "api-gone", "time-out"])
 @pytest.mark.parametrize("name", ["overlap", "drain"])
-def test_a_refused_apply_and_then_more_leaves_what_works_known(
-    name: str, second: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_apply_and_then_more_leaves_what_works_known(name: str, second: str) -> None:
     """The old version gets a mark on the way back: never without what says that it was proven."""
     first, _wanted = installed(name)
     wanted = SCENARIOS[name].robot(image("half-the-rate"))
-    refuse = Refuse(monkeypatch)
     outcome_of(first, wanted)
-    for at in range(refuse.at, len(first.calls) + 1):
+    (app_name,) = [one.name for one in wanted.apps]
+    began = first.phases.index(f"{app_name}: {'start' if name == 'drain' else 'apply'}")
+    refused = first.calls.index("apply", began) + 1
+    first, _wanted = installed(name)
+    first.run(wanted, settings(), "refused", refused)
+    for at in range(refused + 1, len(first.calls) + 1):
         sim, _wanted = installed(name)
-        refuse.again()
-        sim.run(wanted, settings(), second, at)
+        sim.run(wanted, settings(), "refused", refused, (at, second))
+        assert "refused at apply" in "".join(sim.said)
         sim.restore()
-        refuse.over()
         goal = sim.goal("/plan", 20.0)
         sim.advance(1.0)
         assert outcome_of(sim, wanted).outcome == "rolled-back", at
         assert goal.ended or name != "drain"
-
-
-class Refuse:
-    """The API server refuses the first apply of a version that is to be proven; `at` is the call after it."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.at, self.due = 0, True
-        apply = SimulatedCluster.apply
-
-        def refusing(cluster: SimulatedCluster, objects: Any, dry_run: bool = False) -> Any:
-            new = any(mark_of(item) is not None for item in objects)
-            if self.due and new:
-                self.due, self.at = False, len(cluster.sim.calls) + 1
-                raise KubeError("denied by a webhook")
-            return apply(cluster, objects, dry_run)
-
-        monkeypatch.setattr(SimulatedCluster, "apply", refusing)
-
-    def again(self) -> None:
-        self.due = True
-
-    def over(self) -> None:
-        self.due = False
 
 
 # --- beside a master that does not answer ---------------------------------------------------------------------------
@@ -234,24 +191,29 @@ def silent(name: str, version: str, **more: Any) -> tuple[Simulation, Robot, int
     return sim, wanted, first.calls.index("graph") + 1
 
 
-@pytest.mark.parametrize(("version", "word"), [("half-the-rate", "rolled-back"), ("good", "updated")])
-def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(version: str, word: str) -> None:
-    sim, wanted, at = silent("sensor", version)
-    found = sim.run(wanted, settings(), "master-silent", at)
-    assert found is not None
-    assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), ("sensor", word)]
-
-
-def test_after_a_master_was_mended_a_goal_is_waited_for() -> None:
-    sim, wanted, at = silent("planner", "good", pattern="action", readiness={"actions": ["plan"]})
-    goal = sim.goal("/plan", 60.0)
+@pytest.mark.parametrize(
+    ("name", "version", "check", "word"),
+    [
+        ("sensor", "half-the-rate", False, "rolled-back"),
+        ("sensor", "good", False, "updated"),
+        ("sensor", "good", True, "updated"),
+        ("planner", "good", False, "updated"),
+    ],
+)
+def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(
+    name: str, version: str, check: bool, word: str
+) -> None:
+    more: Any = {"pattern": "action", "readiness": {"actions": ["plan"]}} if name == "planner" else {}
+    sim, wanted, at = silent(name, version, **more)
+    goal = sim.goal("/plan", 60.0) if more else None
     sim.advance(1.0)
-    found = sim.run(wanted, settings(), "master-silent", at)
+    found = sim.run(wanted, settings(check=check), "master-silent", at)
     assert found is not None
-    assert (found.outcome, goal.ended) == ("updated", True)
+    assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), (name, word)]
+    assert goal is None or goal.ended  # it is waited for
 
 
-@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("defer", "failed"), ("force", "updated")])
+@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
 def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_unused: object) -> None:
         raise RosError("the ROS master does not answer")
@@ -262,13 +224,6 @@ def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypa
     assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), ("sensor", word)]
     if policy != "force":
         assert found.reason == "sensor: nothing was touched: the graph is not known: the ROS master does not answer"
-
-
-def test_check_mode_foresees_a_master_that_is_mended() -> None:
-    sim, wanted, at = silent("sensor", "good")
-    found = sim.run(wanted, settings(check=True), "master-silent", at)
-    assert found is not None
-    assert [step.outcome for step in found.steps] == ["updated", "updated"]
 
 
 # --- what the graph does not show at this moment ---------------------------------------------------------------------
@@ -301,11 +256,16 @@ def with_a_planner(sensor: str, planner: str) -> Robot:
     )
 
 
-@pytest.mark.parametrize("sensor", [OLD, image("good", 2)], ids=["alone", "after another step"])
-def test_an_action_server_that_is_down_may_be_at_work_by_now(sensor: str) -> None:
+def with_a_proven_planner() -> Simulation:
     sim = Simulation()
     sim.install(with_a_planner(OLD, OLD))
     assert outcome_of(sim, with_a_planner(OLD, image("good", 1))).outcome == "updated"
+    return sim
+
+
+@pytest.mark.parametrize("sensor", [OLD, image("good", 2)], ids=["alone", "after another step"])
+def test_an_action_server_that_is_down_may_be_at_work_by_now(sensor: str) -> None:
+    sim = with_a_proven_planner()
     ends_for_a_moment(sim, "planner")
     goal = sim.goal("/plan", 300.0)
     wanted = with_a_planner(sensor, image("good", 2))
@@ -316,21 +276,8 @@ def test_an_action_server_that_is_down_may_be_at_work_by_now(sensor: str) -> Non
     assert outcome_of(sim, wanted).outcome == "updated"
 
 
-def test_an_action_server_that_comes_back_at_rest_is_held_and_updated() -> None:
-    sim = Simulation()
-    sim.install(with_a_planner(OLD, OLD))
-    assert outcome_of(sim, with_a_planner(OLD, image("good", 1))).outcome == "updated"
-    ends_for_a_moment(sim, "planner")
-    goal = sim.goal("/plan", 2.0, after=20.0)
-    assert outcome_of(sim, with_a_planner(OLD, image("good", 2))).outcome == "updated"
-    sim.advance(60.0)
-    assert goal.ended
-
-
 def test_an_action_server_that_crashes_for_good_keeps_nobody_waiting() -> None:
-    sim = Simulation()
-    sim.install(with_a_planner(OLD, OLD))
-    assert outcome_of(sim, with_a_planner(OLD, image("good", 1))).outcome == "updated"
+    sim = with_a_proven_planner()
     (pod,) = sim.of(("robot-robot1", "planner"))
     pod.version = VERSIONS["never-starts"]  # its image was spoilt
     pod.restarts = 5
@@ -419,28 +366,14 @@ def watched(name: str, version: str) -> tuple[Watched, Robot]:
     return sim, scenario.robot(image(version))
 
 
-@pytest.mark.parametrize("name", ["drain", "replace"])
-def test_the_app_is_away_for_less_long_than_a_container_takes_to_start(name: str) -> None:
-    sim, wanted = watched(name, "good")
+@pytest.mark.parametrize("name", ["drain", "replace", "launch"])
+@pytest.mark.parametrize(("version", "word"), [("good", "updated"), ("never-starts", "rolled-back")])
+def test_an_app_is_away_for_less_long_than_a_container_takes_to_start(name: str, version: str, word: str) -> None:
+    """And never for a version that cannot be started. What overlaps, without goals to hold, gets its pod at once."""
+    sim, wanted = watched(name, version)
     found = outcome_of(sim, wanted)
-    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", True)
-    assert 0 < sim.away < START
-
-
-@pytest.mark.parametrize("name", ["drain", "replace"])
-def test_without_it_the_app_is_away_for_that_long(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(app_change, "early", lambda *_given: [])
-    sim, wanted = watched(name, "good")
-    found = outcome_of(sim, wanted)
-    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
-    assert sim.away >= START
-
-
-@pytest.mark.parametrize("name", ["drain", "replace"])
-def test_the_app_is_never_away_for_a_version_that_cannot_be_started(name: str) -> None:
-    sim, wanted = watched(name, "never-starts")
-    assert outcome_of(sim, wanted).outcome == "rolled-back"
-    assert sim.away == 0.0
+    assert (found.outcome, "start" in found.steps[0].phases) == (word, name != "launch")
+    assert (0 < sim.away < START) if version == "good" and name != "launch" else sim.away == 0.0
 
 
 def test_goals_of_a_launch_files_held_node_are_held_only_when_its_other_nodes_are_connected() -> None:
@@ -460,12 +393,6 @@ def test_goals_of_a_launch_files_held_node_are_held_only_when_its_other_nodes_ar
     assert all(goal.ended for goal in goals)
     assert (held[2][0], held[2][-1]) == (False, True)  # at first they are served, then they wait for the old one's end
     assert len(held[2]) <= 3
-
-
-def test_a_launch_file_without_goals_to_hold_gets_its_pod_at_once() -> None:
-    sim, wanted = watched("launch", "good")
-    found = outcome_of(sim, wanted)
-    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
 
 
 def works_again(monkeypatch: pytest.MonkeyPatch, goal: Callable[[], object]) -> None:
@@ -641,24 +568,30 @@ def test_the_way_back_by_request(name: str) -> None:
         assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged", (fault, at)
 
 
-def test_a_bad_version_is_not_taken_back_while_it_works() -> None:
+@pytest.mark.parametrize(
+    ("goal", "fault", "word", "reason"),
+    [
+        (45.0, "", "rolled-back", ""),
+        (200.0, "", "deferred-busy", "the new version is at work, so it was not taken back"),
+        (45.0, "master-silent", "rolled-back", ""),
+        (45.0, "master-gone", "failed", "nobody can tell whether its new version is at work"),
+    ],
+)
+def test_a_bad_version_is_not_taken_back_while_it_works(goal: float, fault: str, word: str, reason: str) -> None:
     """A goal that was held went to it. It has more to do than its stop hook would wait for."""
-    sim, wanted = begin("drain", "half-the-rate")
-    sim.goal("/plan", 45.0, after=8.0)  # when it is held
-    found = outcome_of(sim, wanted)
-    assert (found.outcome, found.steps[0].phases["wait"] > 10.0) == ("rolled-back", True)
-    assert all(goal.ended for goal in sim.goals)
-
-
-def test_a_bad_version_that_stays_at_work_stays_marked() -> None:
-    sim, wanted = begin("drain", "half-the-rate")
-    goal = sim.goal("/plan", 200.0, after=8.0)
-    found = outcome_of(sim, wanted)
-    assert found.outcome == "deferred-busy"
-    assert "at work, so it was not taken back" in found.reason
-    assert "unproven" in found.reason
-    sim.advance(200.0)
-    assert goal.ended
+    calls: list[str] = []
+    for strikes in ("", fault):  # when the new version is to be looked at
+        sim, wanted = begin("drain", "half-the-rate")
+        sent = sim.goal("/plan", goal, after=8.0)  # when it is held
+        at = len(calls) - calls[::-1].index("graph") if calls else 0
+        found = sim.run(wanted, settings(), strikes, at)
+        calls = [*sim.calls]
+    assert found is not None
+    assert (found.outcome, reason in found.reason) == (word, True), found
+    assert sent.ended if word == "rolled-back" else "unproven" in found.reason
+    sim.restore()
+    sim.advance(goal)
+    assert sent.ended
     assert outcome_of(sim, wanted).outcome == "rolled-back"
 
 
@@ -680,33 +613,6 @@ def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: py
     monkeypatch.setattr(SimulatedHost, "register", refuse)
     assert outcome_of(sim, wanted).outcome == "rolled-back"
     assert any("the ROS master does not answer" in text for text in sim.said)
-
-
-def bad_at_work(fault: str = "") -> tuple[Simulation, RobotOutcome, Goal]:
-    """A bad version with a goal that its stop hook would not wait for; the fault comes when it is to be looked at."""
-    calls: list[str] = []
-    for strikes in ("", fault):
-        sim, wanted = begin("drain", "half-the-rate")
-        goal = sim.goal("/plan", 60.0, after=8.0)
-        at = len(calls) - calls[::-1].index("graph") if calls else 0
-        found = sim.run(wanted, settings(busy_timeout=120.0), strikes, at)
-        calls = [*sim.calls]
-    assert found is not None
-    return sim, found, goal
-
-
-def test_a_version_of_which_nobody_can_tell_is_not_taken_back_at_once() -> None:
-    _sim, found, goal = bad_at_work("master-silent")
-    assert (found.outcome, goal.ended) == ("rolled-back", True)
-
-
-def test_a_version_of_which_nobody_ever_tells_is_left_to_the_next_run() -> None:
-    sim, found, goal = bad_at_work("master-gone")
-    assert (found.outcome, "nobody can tell whether its new version is at work" in found.reason) == ("failed", True)
-    assert "unproven" in found.reason
-    sim.restore()
-    assert outcome_of(sim, SCENARIOS["drain"].robot(image("half-the-rate"))).outcome == "rolled-back"
-    assert goal.ended
 
 
 def test_what_a_bad_version_registered_goes_with_it_though_no_keeper_is_there(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -176,20 +176,16 @@ def test_of_a_master_that_was_the_robots_own_all_goes_but_what_shows_the_externa
     }
 
 
-def test_what_is_in_the_way_goes_first_and_all_else_last() -> None:
-    sim, _wanted = fleet(KINDS["replace"], KINDS["overlap"])
-    heir = app("chart", OLD, pattern=None, node_name="driver")
+@pytest.mark.parametrize(
+    "shared",
+    [{"node_name": "driver"}, {"devices": ["/dev/ttyUSB0"]}, {"ports": [{"name": "w", "port": 80, "host_port": 80}]}],
+    ids=["name", "device", "port"],
+)
+def test_what_is_in_the_way_goes_first_and_all_else_last(shared: dict[str, Any]) -> None:
+    sim, _wanted = fleet(app("driver", OLD, pattern=None, placement="local", **shared), KINDS["overlap"])
+    heir = app("chart", OLD, pattern=None, placement="local", **shared)
     found = told(sim, robot(SENSOR, heir), "all")
     assert (found.outcome, [step.name for step in found.steps]) == ("updated", ["driver", "chart", "stats"])
-
-
-@pytest.mark.parametrize(
-    "shared", [{"devices": ["/dev/ttyUSB0"]}, {"ports": [{"name": "w", "port": 80, "host_port": 80}]}]
-)
-def test_a_device_or_a_port_of_the_host_is_in_the_way(shared: dict[str, Any]) -> None:
-    sim, _wanted = fleet(app("driver", OLD, pattern=None, placement="local", **shared))
-    found = told(sim, robot(SENSOR, app("chart", OLD, pattern=None, placement="local", **shared)), "all")
-    assert (found.outcome, [step.name for step in found.steps]) == ("updated", ["driver", "chart"])
 
 
 def test_a_robot_whose_new_version_is_refused_has_what_it_had() -> None:
@@ -233,17 +229,6 @@ def test_what_a_killed_process_registered_goes_with_its_app_though_no_keeper_is_
     assert "/driver" in sim.registered
     assert ended(sim, wanted) == ("updated", ["driver"])
     assert there(sim, "driver") == []
-
-
-def test_what_was_cancelled_is_told_as_far_as_it_is_known() -> None:
-    sim, wanted = fleet(KINDS["replace"])
-    ended(sim, wanted)
-    at = sim.calls.index("ready") + 1
-    sim, wanted = fleet(KINDS["replace"])
-    found = sim.run(wanted, settings(request=ALL), "cancelled", at)
-    assert found is not None
-    assert found.outcome == "failed"
-    assert found.reason.endswith("it is there still, or ending; the next run goes on from there")
 
 
 def test_another_master_is_refused_while_apps_work_and_the_way_there_works() -> None:
