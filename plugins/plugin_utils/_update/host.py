@@ -74,7 +74,7 @@ class ModuleHost:
         values = {"values": list(calm.when)} if calm.when else {}
         asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
         found = self._run("ros_action_hold", {"master_uri": master, **at, **asked})
-        return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
+        return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""))
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
         """Let the held goals go."""

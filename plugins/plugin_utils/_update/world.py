@@ -59,7 +59,6 @@ class Seen:
 
     verdict: str
     reason: str = ""
-    held: Sequence[str] = ()  # actions whose new goals are held back now
 
 
 @dataclass(frozen=True)

@@ -644,7 +644,7 @@ class SimulatedHost:
             ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, looks, sim.now, sim.advance)
             del master, fault
             unmet = [str(check) if check.kind == "value" else check.reason for check in ended.last.unmet]
-            return Seen(ended.verdict, "; ".join(unmet), ended.held)
+            return Seen(ended.verdict, "; ".join(unmet))
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
         with self.sim.call("release", 0.7):

@@ -6,7 +6,6 @@ from __future__ import annotations
 import functools
 import os
 import re
-import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -26,7 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
     server_versions,
     servers_down,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, ticking
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -165,6 +164,8 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
     """As in two containers of one image, and as two workers of one run are."""
     server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
     with Kube({"host": server.url, "api_key": "t"}) as kube:
+        awx = {"awx_job_id": 22, "awx_job_template_name": "fleet update"}
+        assert re.fullmatch(r"AWX job 22 \(fleet update\), [0-9a-f]{8}", run_name(awx))
         one, other = (KubeCluster(kube, print, run_name({})) for _run in range(2))
         with one.claim("robot-robot1"):
             (mine,) = one._claims
@@ -196,35 +197,6 @@ def test_the_hold_of_another_tool_is_not_waited_for_but_after_its_end(
         monkeypatch.setattr(time, "sleep", lambda _seconds: server.put(LEASE_PATH, free))
         with ours.claim("r"):
             assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
-
-
-def test_a_job_of_awx_is_named_as_awx_names_it() -> None:
-    known = {"awx_job_id": 22, "awx_job_template_name": "fleet update"}
-    assert re.fullmatch(r"AWX job 22 \(fleet update\), [0-9a-f]{8}", run_name(known))
-
-
-def test_the_time_of_a_claim_begins_before_it_is_asked_for(
-    clock: Clock, server: Server, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Slow(Lease):
-        def __init__(self, *_unused: object) -> None:
-            super().__init__()
-
-        def acquire(self) -> Hold:
-            clock.time += SURE_SECONDS
-            return Hold(True, "us")
-
-        def release(self) -> None:
-            """Nothing to let go."""
-
-    monkeypatch.setattr(cluster, "Lease", Slow)
-    monkeypatch.setattr(cluster, "_Claim", functools.partial(_Claim, now=clock.now))
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
-        ours = cluster.KubeCluster(kube, lambda _text: None, "us")
-        with ours.claim("r"):
-            (held,) = ours._claims
-            ours.confirm()
-            assert held._lease.renewed == 1  # type: ignore[attr-defined]
 
 
 # --- a cluster of which one node is to be changed ---------------------------------------------------------------------
@@ -293,10 +265,3 @@ def test_servers_and_who_of_them_is_away() -> None:
     assert server_versions(nodes) == {"edge1": "v1.34.2+k3s1", "edge2": "v1.34.2+k3s1"}
     assert servers_down(nodes, "edge2") == ["edge1"]
     assert servers_down(nodes, "edge1") == []
-
-
-def test_it_ticks_until_the_block_ends() -> None:
-    ticked, threads = threading.Event(), threading.active_count()
-    with ticking(0.001, ticked.set):
-        assert ticked.wait(10.0)
-    assert threading.active_count() == threads

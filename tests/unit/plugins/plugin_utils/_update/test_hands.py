@@ -206,7 +206,7 @@ class Quiet:
     def hold(self, _master: str, _keeper: str, calm: Calm, seconds: float, _timeout: float) -> Seen:
         asked = [str(action["name"]) for action in calm.actions if seconds]
         self.held |= {*asked}
-        return Seen("pass", "", asked)
+        return Seen("pass")
 
     def release(self, _master: str, _keeper: str, actions: Sequence[Object]) -> None:
         self.held -= {str(action["name"]) for action in actions}

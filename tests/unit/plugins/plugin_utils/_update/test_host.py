@@ -80,36 +80,21 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
 
 
 def test_goals_are_held_and_let_go() -> None:
-    modules = Modules(verdict="wait", reason="/plan is busy", held=["/plan"], failed=True)
-    seen = host(modules).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0)
-    assert seen == Seen("wait", "/plan is busy", ("/plan",))
-    asked = {"actions": REST, "seconds": 60.0, "timeout": 8.0, "interval": 0.2}
-    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
+    modules, when = Modules(verdict="wait", reason="/plan is busy", failed=True), [{"topic": "/battery", "above": 0.4}]
+    at, asked = {"master_uri": MASTER, "keeper_uri": KEEPER}, {"seconds": 60.0, "timeout": 8.0, "interval": 0.2}
+    assert host(modules).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0) == Seen("wait", "/plan is busy")
+    host(modules).hold(MASTER, "", Calm([], when), 60.0, 8.0)  # without a keeper nothing is held, or let go
+    host(modules).release(MASTER, "", REST)
+    host(modules, check=True).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0)  # actions are looked at
+    assert modules.ran == [
+        ("ros_action_hold", {**at, "actions": REST, **asked}),
+        ("ros_action_hold", {"master_uri": MASTER, "actions": [], "values": when, **asked}),
+        ("ros_action_hold", {**at, "actions": [{"name": "/plan"}, {"name": "/dock"}], **asked}),
+    ]
     modules = Modules()
     host(modules).release(MASTER, KEEPER, REST)
     asked = {"state": "released", "actions": REST, "timeout": 30.0}
     assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
-
-
-def test_what_messages_must_say_goes_along() -> None:
-    modules, values = Modules(verdict="pass"), [{"topic": "/battery", "field": "percentage", "above": 0.4}]
-    host(modules).hold(MASTER, "", Calm([], values), 0.0, 8.0)
-    asked = {"actions": [], "values": values, "seconds": 0.0, "timeout": 8.0, "interval": 0.2}
-    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, **asked})]
-
-
-def test_without_a_keeper_nothing_is_held_or_let_go() -> None:
-    modules = Modules(verdict="pass")
-    host(modules).hold(MASTER, "", Calm(REST), 60.0, 8.0)
-    host(modules).release(MASTER, "", REST)
-    ((_name, arguments),) = modules.ran
-    assert "keeper_uri" not in arguments
-
-
-def test_in_check_mode_actions_are_looked_at_and_not_held() -> None:
-    modules = Modules(verdict="pass")
-    host(modules, check=True).hold(MASTER, KEEPER, Calm(REST), 60.0, 0.0)
-    assert modules.ran[0][1]["actions"] == [{"name": "/plan"}, {"name": "/dock"}]
 
 
 def test_conditions_are_waited_for() -> None:
