@@ -16,7 +16,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, marked, planned
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import START, STOP, VERSIONS, Goal, Process, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     INFRASTRUCTURE,
     MATRIX,
     OLD,
@@ -27,28 +30,13 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    START,
-    STOP,
-    VERSIONS,
-    Goal,
-    Process,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     DAY,
     FAULTS,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
-    app,
-    applied,
-    marked,
-    planned,
-)
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])

@@ -16,14 +16,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    FAULTS,
-    SimulatedCluster,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, SimulatedCluster, Simulation
 
 GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
 SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 15

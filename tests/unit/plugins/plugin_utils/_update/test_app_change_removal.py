@@ -15,19 +15,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.lifecycle imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, outcome_of, settings
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import VERSIONS, image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    FAULTS,
-    SimulatedHost,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
-    app,
-    applied,
-    planned,
-)
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, planned
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import VERSIONS, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, outcome_of, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, SimulatedHost, Simulation
 
 SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
 ALL = Request(remove=("all",))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import functools
 import os
 import re
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -25,7 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
     server_versions,
     servers_down,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, ticking
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -199,6 +200,18 @@ def test_the_hold_of_another_tool_is_not_waited_for_but_after_its_end(
             assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
 
 
+def test_the_time_of_a_claim_begins_before_it_is_asked_for(
+    clock: Clock, lapsing: Lapsing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    acquire = cluster.Lease.acquire
+    monkeypatch.setattr(cluster.Lease, "acquire", lambda lease: (clock.sleep(SURE_SECONDS), acquire(lease))[1])
+    ours = cluster.KubeCluster(Kube({"host": lapsing.url, "api_key": "t"}), print, "us")
+    with ours.claim("r"):
+        before = len(lapsing.tried)
+        ours.confirm()
+        assert [path for path, _at in lapsing.tried[before:]] == [LEASE_PATH]  # it is renewed already
+
+
 # --- a cluster of which one node is to be changed ---------------------------------------------------------------------
 
 NODE = {"apiVersion": "v1", "kind": "Node", "metadata": {"name": "edge1"}}
@@ -265,3 +278,10 @@ def test_servers_and_who_of_them_is_away() -> None:
     assert server_versions(nodes) == {"edge1": "v1.34.2+k3s1", "edge2": "v1.34.2+k3s1"}
     assert servers_down(nodes, "edge2") == ["edge1"]
     assert servers_down(nodes, "edge1") == []
+
+
+def test_it_ticks_until_the_block_ends() -> None:
+    ticked, threads = threading.Event(), threading.active_count()
+    with ticking(0.001, ticked.set):
+        assert ticked.wait(10.0)
+    assert threading.active_count() == threads

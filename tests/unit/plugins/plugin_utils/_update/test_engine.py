@@ -15,17 +15,16 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    hashed,
-    pod_spec,
-    workload,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import hashed, pod_spec, workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request, rendered
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update import simulation
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated import world
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     INFRASTRUCTURE,
     MATRIX,
     OLD,
@@ -35,17 +34,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    FOREVER,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    FAULTS,
-    RESTARTED_APPS,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, RESTARTED_APPS, Simulation
 from hypothesis import HealthCheck
 from hypothesis import settings as bounds
 from hypothesis import strategies as st
@@ -278,7 +267,7 @@ def test_an_app_that_runs_another_image_than_its_name_means_by_now_is_told(
 ) -> None:
     """It is unchanged, as its Deployment is; what its pod keeps only a look at images shows."""
     sim, wanted = begin("overlap", "good")
-    ref, plain = "docker.io/lab/sensor:1", simulation.pod_object
+    ref, plain = "docker.io/lab/sensor:1", world.pod_object
 
     def pod_object(pod: Any) -> dict[str, Any]:
         container = {"name": "ros-app", "imageID": "sha256:01d", "state": {"running": {}}}
@@ -287,7 +276,7 @@ def test_an_app_that_runs_another_image_than_its_name_means_by_now_is_told(
         mine = made["metadata"]["labels"]["rosops.fleet/app"] == "sensor"
         return {**made, "spec": spec, "status": {**made["status"], "containerStatuses": [container]}} if mine else made
 
-    monkeypatch.setattr(simulation, "pod_object", pod_object)
+    monkeypatch.setattr(world, "pod_object", pod_object)
     known = {("robot1", ref): {"sha256:4e3"}}
     found = outcome_of(sim, SCENARIOS["overlap"].robot(OLD), check=check, known=lambda *asked: known.get(asked, ()))
     told = f"sensor runs another image than {ref} is by now on robot1: its pod keeps the old one; {TODO}"

@@ -11,18 +11,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
-    OLD,
-    SCENARIOS,
-    begin,
-    outcome_of,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    SimulatedCluster,
-    SimulatedHost,
-    Simulation,
-)
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedCluster, SimulatedHost, Simulation
 
 HANDOFFS = ("overlap", "drain", "replace", "launch", "group")
 LATE = ("crashes-after-30", "crashes-after-90", "sends-less-after-30", "loses-its-edges-after-30")

@@ -19,7 +19,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import 
     look_seconds,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import EPOCH, FOREVER, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     OLD,
     begin,
     one,
@@ -27,16 +29,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     run_of,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    EPOCH,
-    FOREVER,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    SimulatedHost,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
 
 
 def busy(seconds: float) -> tuple[Simulation, Robot]:

@@ -27,17 +27,17 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object, Seen
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, settings
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import EPOCH, FOREVER
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed, app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import EPOCH, FOREVER
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     FAULTS,
     Killed,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed, app
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 START = 20.0  # seconds until what was changed serves again
 BEAT = 10.0  # between two words of a kubelet

@@ -19,8 +19,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import 
     obstacle,
     succession,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 
 OVERLAP = Launched("_11111111", "_22222222")
 THERE = [

@@ -13,24 +13,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
-    OLD,
-    SCENARIOS,
-    begin,
-    outcome_of,
-    settings,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    PROBE,
-    REGISTER,
-    START,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    SimulatedHost,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import PROBE, REGISTER, START, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
 
 OVERLAP = ("overlap", "group", "launch", "launch-held")
 OTHERS = ("drain", "replace")

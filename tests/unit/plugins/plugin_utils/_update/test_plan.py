@@ -16,7 +16,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described, kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import (
     app,
     applied,
     entry,
@@ -24,7 +25,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.up
     planned,
     update_map,
 )
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 PREVIOUS = Request(to="previous")
 

@@ -16,8 +16,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app, applied, marked
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, marked
 
 ROBOT = robot(app("sensor", resources={"limits": {"cpu": "1000m"}}, env={"A": "1", "EMPTY": ""}))
 

@@ -26,7 +26,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     with_rates,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import (
     app,
     applied,
     entry,
@@ -34,7 +35,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.up
     planned,
     update_map,
 )
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 URI = "http://10.42.0.7:4000/"
 

@@ -47,8 +47,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     Object,
     Seen,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_keeper import SimulatedKeeper
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+from ansible_collections.rosops.fleet.tests.unit.simulated.keeper import SimulatedKeeper
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import ADDRESSES, addressed, owned
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import (
     EPOCH,
     FOREVER,
     HOLD,
@@ -61,11 +62,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     kubernetes_hash,
     labels_of,
     template_of,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
-    ADDRESSES,
-    addressed,
-    owned,
 )
 
 DAY = 86400.0

@@ -12,10 +12,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation
 
 OLD = image("good", 0)
 
