@@ -10,6 +10,7 @@ import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.words import LEASE, LEASE_SECONDS, OWNER
@@ -116,35 +117,24 @@ class KubeCluster:
         uids = {ref_of(item): str(uid) for item in objects if (uid := item["metadata"].get("uid"))}
         return self._writer.delete([ref_of(item) for item in objects], dry_run, uids)
 
-    def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.
+    def wait(self, objects: Sequence[Object], timeout: float, stay: float | None = None, begun: bool = False) -> None:
+        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help.
 
-        With minReadySeconds: until these are Ready.
+        `stay`: then for so many seconds more, and at once if a container ends meanwhile. What a pod had ended by itself
+        before this run is none of it, whatever else this run has waited for. `begun`: as strict, and only until new
+        pods run beside the old ones, or have no place before these have gone; with minReadySeconds: until Ready.
         """
-        how = WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
-        self._wait(objects, how)
-
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
-        self._wait(objects, WaitOptions(timeout, say=self._say))
-
-    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
-        """The same, and then so many seconds more; NotReadyError at once if a container ends meanwhile.
-
-        What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
-        """
-        how = WaitOptions(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
-        self._wait(objects, how)
+        refs = parse_refs([dict(item) for item in objects])
+        how = WaitOptions(timeout, begun=begun, say=self._say)
+        if begun or stay is not None:
+            how = replace(how, fail_on_restart=True, watched=stay or 0.0, before=self._restarts)
+        if refs:
+            wait_for_rollout(self._kube, refs, how)
 
     def beat(self, node: str) -> str:
         """When the node's kubelet was last heard of, in its own words; empty where it never was."""
         lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
         return str((lease.get("spec") or {}).get("renewTime") or "")
-
-    def _wait(self, objects: Sequence[Object], options: WaitOptions) -> None:
-        refs = parse_refs([dict(item) for item in objects])
-        if refs:
-            wait_for_rollout(self._kube, refs, options)
 
 
 def awake_or_not() -> float:

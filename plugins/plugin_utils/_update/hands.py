@@ -175,7 +175,7 @@ class Hands:
         """
         seconds, at_first = self.settings.verify_seconds, min(self.settings.verify_seconds, GRAPH_SECONDS)
         self.ready(conditions, timeout + at_first, what, stable=at_first)
-        self.cluster.stay(workloads, STAY_EXTRA, seconds - at_first)
+        self.cluster.wait(workloads, STAY_EXTRA, stay=seconds - at_first)
         if seconds > at_first:
             self.ready(conditions, timeout, what)
 

@@ -35,7 +35,6 @@ HANDOFFS = ("overlap", "replace", "drain")
 APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; others are the master's, and a host's
 
 Desired = Mapping[str, Sequence[Object]]  # app -> its objects, the master and its keeper as apps of these names
-Histories = Mapping[str, Sequence[Object]]  # app -> its earlier versions, the last one first
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ class Step:
     conditions: Object = field(default_factory=dict)  # options of ros_ready: what the apps' readiness asks of the graph
     before: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # app -> image and revision
     after: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    histories: Histories = field(default_factory=dict)
+    histories: Mapping[str, Sequence[Object]] = field(default_factory=dict)  # app -> earlier versions, the last first
 
     @property
     def renames(self) -> dict[str, str]:
@@ -89,7 +88,6 @@ class Plan:
     """
 
     steps: Sequence[Step] = ()
-    unchanged: Sequence[str] = ()
     orphans: Sequence[str] = ()
     remnants: Sequence[Object] = ()
     working: Collection[Key] = ()
@@ -274,7 +272,6 @@ def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
     known = {key_of(item) for item in deployments_of([*all_of(there.desired), *keeper_objects(there.robot)])}
     return Plan(
         [there.step(members) for members in _ordered(there.robot.apps, changed)],
-        [app for app in asked if app not in changed],
         sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER),
     )
 
@@ -310,8 +307,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
             raise SpecError(f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {there_are or 'none'}")
     changed = [app for app in target if there.open(target[app])]
     back = replace(there, desired={**there.desired, **target})
-    steps = [back.step(members, back=True) for members in _ordered(there.robot.apps, changed)]
-    return Plan(steps, [app for app in there.desired if app not in changed])
+    return Plan([back.step(members, back=True) for members in _ordered(there.robot.apps, changed)])
 
 
 def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:

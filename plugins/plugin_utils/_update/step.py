@@ -309,7 +309,7 @@ def proof(step: Step, gate: Gate, tolerance: float) -> Object:
     old, new = {*step.old_nodes.values(), *gate.succession.nodes}, {*step.new_nodes.values()}
     gone = sorted(old - new - {*gate.succession.nodes.values()} - {""})
     parts = [step.conditions, *_conditions(gate.contracts.values(), tolerance)]
-    return _united(parts, absent=gone if step.handoff == "overlap" else ())
+    return _united([*parts, {"absent": gone if step.handoff == "overlap" else ()}])
 
 
 def proves_nothing(conditions: Object) -> bool:
@@ -334,10 +334,9 @@ def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[Object]
     return [ros_contract.conditions(part, tolerance) for contract in contracts for part in contract.parts]
 
 
-def _united(parts: Sequence[Object], absent: Sequence[str] = ()) -> Object:
+def _united(parts: Sequence[Object]) -> Object:
     found: dict[str, list[Any]] = {key: [] for key in LISTS}
     for part in parts:
         for key in LISTS:
             found[key] += [item for item in part.get(key) or [] if item not in found[key]]
-    found["absent"] += [node for node in absent if node not in found["absent"]]
     return found

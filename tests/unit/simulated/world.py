@@ -550,20 +550,9 @@ class SimulatedCluster:
                     sim.reconcile(deployment_key(item))
         return done
 
-    def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, timeout, whole=True, begun=True)
-
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, timeout)
-
-    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
-        self._wait(objects, timeout, whole=True, seconds=seconds)
-
-    def _wait(
-        self, objects: Sequence[Object], timeout: float, whole: bool = False, seconds: float = 0.0, begun: bool = False
-    ) -> None:
+    def wait(self, objects: Sequence[Object], timeout: float, stay: float | None = None, begun: bool = False) -> None:
         """`whole`: what ends before it is over, or has ended since the run began, is bad."""
-        sim = self.sim
+        sim, whole, seconds = self.sim, begun or stay is not None, stay or 0.0
         with sim.call("rollout", 0.1, loud=True):
             end, well = sim.time + timeout, FOREVER
             for pod in sim.pods:
@@ -616,10 +605,9 @@ class SimulatedHost:
         with self.sim.call("there", 0.2):
             pass
 
-    def bring(self, images: Sequence[str]) -> bool:
+    def bring(self, images: Sequence[str]) -> None:
         with self.sim.call("bring", 0.5):
             self.sim.brought = [*images]
-            return True
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         sim = self.sim

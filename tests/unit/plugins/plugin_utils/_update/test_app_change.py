@@ -385,14 +385,15 @@ def test_goals_of_a_launch_files_held_node_are_held_only_when_its_other_nodes_ar
 
 def works_again(monkeypatch: pytest.MonkeyPatch, goal: Callable[[], object]) -> None:
     """The robot has got a goal when the new version waits."""
-    whole = SimulatedCluster.begin
+    whole = SimulatedCluster.wait
 
-    def begin(self: SimulatedCluster, *words: object) -> None:
-        whole(self, *words)  # type: ignore[arg-type] # as they come
-        goal()
-        self.sim.advance(0.1)
+    def wait(self: SimulatedCluster, *words: Any, **more: Any) -> None:
+        whole(self, *words, **more)
+        if more.get("begun"):
+            goal()
+            self.sim.advance(0.1)
 
-    monkeypatch.setattr(SimulatedCluster, "begin", begin)
+    monkeypatch.setattr(SimulatedCluster, "wait", wait)
 
 
 def test_a_robot_that_went_to_work_again_is_waited_for_without_a_pod_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -453,18 +454,16 @@ def test_a_look_ends_with_nothing_beside_the_old_version(monkeypatch: pytest.Mon
 def test_a_new_version_that_took_over_is_not_stopped_in_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """The old one has ended by itself; whoever takes the new one back asks first what it does."""
     sim, wanted = watched("drain", "good")
-    whole = SimulatedCluster.begin
 
-    def begin(self: SimulatedCluster, *words: object) -> None:
-        whole(self, *words)  # type: ignore[arg-type] # as they come
-        (old, _new) = self.sim.of(("robot-robot1", "planner"))
-        self.sim.crash(old, old.restarts)
-        self.sim.advance(3.0)
-        self.sim.goal("/plan", 45.0)  # for longer than a pod's stop hook waits
-        self.sim.advance(1.0)
+    def goal() -> None:
+        (old, _new) = sim.of(("robot-robot1", "planner"))
+        sim.crash(old, old.restarts)
+        sim.advance(3.0)
+        sim.goal("/plan", 45.0)  # for longer than a pod's stop hook waits
+        sim.advance(1.0)
         raise NotReadyError("the API told nothing more")
 
-    monkeypatch.setattr(SimulatedCluster, "begin", begin)
+    works_again(monkeypatch, goal)
     assert outcome_of(sim, wanted).outcome == "rolled-back"
     assert [goal.ended for goal in sim.goals] == [True]
 

@@ -7,16 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Calm, Seen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Seen
 
 MASTER, KEEPER = "http://10.43.0.1:11311", "http://10.43.0.2:11411"
-LISTING = '{"images": [{"id": "sha256:1", "repoTags": ["docker.io/library/a:1"]}]}'
 REST = [{"name": "/plan", "server": "/planner"}, {"name": "/dock"}]
 
 
@@ -31,28 +28,8 @@ class Modules:
         return self.answer
 
 
-class Node:
-    """A node that has the image `a:1`, and gets no other one."""
-
-    def module(self, _name: str, _args: Mapping[str, Any]) -> Mapping[str, Any]:
-        parts = "x86_64", LISTING, f"REF LABELS\ndocker.io/library/a:1 {PIN}=wanted", "", "{}"
-        return {"rc": 0, "stdout": "\n--- rosops.fleet ---\n".join(parts)}
-
-    def copy(self, src: str, dest: str, rate_limit: str) -> Mapping[str, Any]:
-        raise AssertionError((src, dest, rate_limit))
-
-
-def host(modules: Modules, check: bool = False, names: list[str] | None = None) -> ModuleHost:
-    return ModuleHost(lambda: None, modules.run, ImageSource(NodeImages(Node()), [], names or []), check)
-
-
-def test_a_robot_that_is_away_is_said_to_be() -> None:
-    def away() -> float:
-        raise AwayError("no route")
-
-    with pytest.raises(AwayError, match="no route"):
-        ModuleHost(away, Modules().run, ImageSource(NodeImages(Node()))).there()
-    host(Modules()).there()
+def host(modules: Modules, check: bool = False) -> ModuleHost:
+    return ModuleHost(lambda: None, modules.run, lambda _images: None, check)
 
 
 def test_the_graph_is_asked_for_with_all_that_a_contract_holds() -> None:
@@ -122,9 +99,3 @@ def test_registrations_are_given_and_taken() -> None:
         ("ros_registrations", {**given, "nodes": []}),
         ("ros_registrations", {"master_uri": MASTER, "nodes": ["/b"], "state": "absent"}),
     ]
-
-
-def test_images_are_brought_with_those_that_are_always_wanted() -> None:
-    assert host(Modules(), names=["a:1"]).bring(["a:1"]) is False
-    with pytest.raises(NotReadyError, match="b:1"):
-        host(Modules(), check=False, names=["b:1"]).bring(["a:1"])

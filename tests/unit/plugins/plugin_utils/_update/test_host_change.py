@@ -171,10 +171,10 @@ class HostCluster(SimulatedCluster):
             item["status"] = {"availableReplicas": len(there) * self.sim.ready_before}
         return found
 
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
+    def wait(self, objects: Sequence[Object], timeout: float, **how: Any) -> None:
         assert objects[0] == {"apiVersion": "v1", "kind": "Node", "metadata": {"name": "node1"}}
         assert bool(objects[1:]) == (self.sim.ready_before and bool(self.sim.robots))
-        super().wait(objects[1:], timeout)
+        super().wait(objects[1:], timeout, **how)
 
     @contextmanager
     def claim(self, namespace: str) -> Iterator[None]:
