@@ -101,16 +101,14 @@ def running(sim: Simulation, app: str) -> list[str]:
     ]
 
 
-def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
-    found = sim.run(wanted, settings(**more))
-    assert found is not None
-    return found, sim.engine
-
-
-def outcome_of(sim: Simulation, wanted: Robot, **more: Any) -> RobotOutcome:
-    found = sim.run(wanted, settings(**more))
+def outcome_of(sim: Simulation, wanted: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome:
+    found = sim.run(wanted, settings(**more), fault, at)
     assert found is not None
     return found
+
+
+def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
+    return outcome_of(sim, wanted, **more), sim.engine
 
 
 MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]

@@ -94,9 +94,7 @@ def installed(name: str, *others: dict[str, Any]) -> tuple[Simulation, Robot]:
     """By a run, so that nothing is kept beside its apps but what that leaves."""
     sim, first = Simulation(), SCENARIOS[name].robot(OLD)
     wanted = replace(first, apps=(*first.apps, *robot(*others).apps))
-    found = sim.run(wanted, settings(parts=PARTS))
-    assert found is not None
-    assert found.outcome == "updated"
+    assert outcome_of(sim, wanted, parts=PARTS).outcome == "updated"
     sim.watch(wanted)
     return sim, SCENARIOS[name].robot(image("good"))
 
@@ -195,8 +193,7 @@ def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(
     sim, wanted, at = silent(name, version, **more)
     goal = sim.goal("/plan", 60.0) if more else None
     sim.advance(1.0)
-    found = sim.run(wanted, settings(check=check), "master-silent", at)
-    assert found is not None
+    found = outcome_of(sim, wanted, "master-silent", at, check=check)
     assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), (name, word)]
     assert goal is None or goal.ended  # it is waited for
 
@@ -396,20 +393,31 @@ def works_again(monkeypatch: pytest.MonkeyPatch, goal: Callable[[], object]) -> 
     monkeypatch.setattr(SimulatedCluster, "wait", wait)
 
 
-def test_a_robot_that_went_to_work_again_is_waited_for_without_a_pod_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("goal", "how", "word", "away"),
+    [
+        (30.0, {}, "updated", (STOP, START + 2 * STOP + 1.0)),  # waited for without a pod beside it, as ever
+        (4.0, {"on_busy": "defer"}, "updated", (0.0, START)),  # whoever defers, too: it was at rest a moment ago
+        (300.0, {}, "deferred-busy", None),
+        (40.0, {"look_timeout": 4.0}, "waiting", None),
+    ],
+)
+def test_a_robot_that_went_to_work_again(
+    goal: float, how: Any, word: str, away: tuple[float, float] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sim, wanted = watched("drain", "good")
-    works_again(monkeypatch, lambda: sim.goal("/plan", 30.0))
-    assert outcome_of(sim, wanted).outcome == "updated"
-    assert [goal.ended for goal in sim.goals] == [True]
-    assert STOP < sim.away < START + 2 * STOP + 1.0  # as without
-
-
-def test_a_short_goal_that_came_meanwhile_is_no_reason_to_begin_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither for who defers: the robot was at rest a moment ago."""
-    sim, wanted = watched("drain", "good")
-    works_again(monkeypatch, lambda: sim.goal("/plan", 4.0))
-    assert outcome_of(sim, wanted, on_busy="defer").outcome == "updated"
-    assert 0 < sim.away < START
+    works_again(monkeypatch, lambda: sim.goal("/plan", goal))
+    found, engine = run_of(sim, wanted, **how)
+    assert (found.outcome, sim.goals[0].ended, len(sim.of(("robot-robot1", "planner")))) == (word, bool(away), 1)
+    if away:
+        assert away[0] < sim.away < away[1]
+    else:  # it is left as it was
+        assert sim.away == 0.0
+        assert "the new version, which had not begun, was taken back" in found.reason
+        assert "updating" not in str(sim.objects["Deployment", "robot-robot1", "planner"]["metadata"]["annotations"])
+        monkeypatch.undo()
+        sim.advance(goal)
+        assert outcome_of(sim, wanted, since=engine.waiting).outcome == "updated"
 
 
 @pytest.mark.parametrize("first", [0.0, 29.0])
@@ -427,28 +435,6 @@ def test_a_robot_that_rests_for_moments_only_is_not_asked_for_two_of_them(first:
     assert found.outcome == "updated"
     sim.settle(500.0)
     assert all(goal.ended for goal in sim.goals)
-
-
-def test_a_robot_that_went_to_work_for_long_is_left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    sim, wanted = watched("drain", "good")
-    works_again(monkeypatch, lambda: sim.goal("/plan", 300.0))
-    found = outcome_of(sim, wanted)
-    assert found.outcome == "deferred-busy"
-    assert "the new version, which had not begun, was taken back" in found.reason
-    assert sim.away == 0.0
-    there = sim.deployment(("robot-robot1", "planner"))
-    assert there is not None
-    assert "updating" not in str(there["metadata"]["annotations"])
-
-
-def test_a_look_ends_with_nothing_beside_the_old_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    sim, wanted = watched("drain", "good")
-    works_again(monkeypatch, lambda: sim.goal("/plan", 40.0))
-    found, engine = run_of(sim, wanted, look_timeout=4.0)
-    assert (found.outcome, len(sim.of(("robot-robot1", "planner")))) == ("waiting", 1)
-    monkeypatch.undo()
-    sim.advance(50.0)
-    assert run_of(sim, wanted, since=engine.waiting)[0].outcome == "updated"
 
 
 def test_a_new_version_that_took_over_is_not_stopped_in_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -547,8 +533,7 @@ def test_the_way_back_by_request(name: str) -> None:
         assert outcome_of(sim, wanted).outcome == "updated"
         found = sim.run(wanted, settings(request=back), fault, at)
         if not fault:
-            assert found is not None
-            assert found.outcome == "updated"
+            assert found and found.outcome == "updated"
             assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged"
         sim.restore()
         assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome in ("updated", "unchanged"), (fault, at)
@@ -571,9 +556,8 @@ def test_a_bad_version_is_not_taken_back_while_it_works(goal: float, fault: str,
         sim, wanted = begin("drain", "half-the-rate")
         sent = sim.goal("/plan", goal, after=8.0)  # when it is held
         at = len(calls) - calls[::-1].index("graph") if calls else 0
-        found = sim.run(wanted, settings(), strikes, at)
+        found = outcome_of(sim, wanted, strikes, at)
         calls = [*sim.calls]
-    assert found is not None
     assert (found.outcome, reason in found.reason) == (word, True), found
     assert sent.ended if word == "rolled-back" else "unproven" in found.reason
     sim.restore()
@@ -615,6 +599,5 @@ def test_whether_a_version_runs_unproven_is_said_as_far_as_it_is_known() -> None
     sim.run(wanted, settings())
     for phase, words in (("apply", "; it may run unproven"), ("rollout", "; it runs unproven")):
         again, at = begin("overlap", "good")[0], sim.phases.index(f"sensor: {phase}") + 1
-        found = again.run(wanted, settings(), "api-gone", at)
-        assert found is not None
+        found = outcome_of(again, wanted, "api-gone", at)
         assert words in found.reason, (phase, found.reason)

@@ -236,8 +236,7 @@ def test_a_run_that_lost_its_lease_ends() -> None:
     at = sim.calls.index("rollout") + 1
     sim, wanted = begin("overlap", "never-connects")
     old = running(sim, "sensor")
-    found = sim.run(wanted, settings(), "asleep", at)
-    assert found is not None
+    found = outcome_of(sim, wanted, "asleep", at)
     assert (found.outcome, "ros-keeper had this robot" in found.reason) == ("failed", True)
     assert running(sim, "sensor") == old
     assert outcome_of(sim, wanted).outcome == "rolled-back"

@@ -214,12 +214,7 @@ def test_all_that_was_held_in_a_step_is_let_go() -> None:
     assert quiet.held == {"/plan", "/dock"}
     rest.release()
     assert not quiet.held
-
-
-def test_whoever_only_looks_holds_nothing() -> None:
-    quiet: Any = Quiet()
-    rest = Rest(Hands(robot(), Settings(), quiet, World(quiet, quiet)), "defer", None)
-    rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits", hold=False)
+    rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits", hold=False)  # whoever only looks
     assert not (quiet.held or rest.held)
 
 

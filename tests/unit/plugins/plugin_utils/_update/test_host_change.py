@@ -192,9 +192,14 @@ def contracts(site: Site) -> list[str]:
     return [name for _kind, _namespace, name in site.objects if name.startswith("host-change")]
 
 
-def outcome(site: Site, **limits: Any) -> tuple[str, str]:
+def result(site: Site, **limits: Any) -> StepResult:
     found = site.change(**limits)
     assert found is not None
+    return found
+
+
+def outcome(site: Site, **limits: Any) -> tuple[str, str]:
+    found = result(site, **limits)
     return found.outcome, found.reason
 
 
@@ -211,8 +216,7 @@ def busy(seconds: float, **more: Any) -> Site:
 def test_a_robot_at_rest_is_changed_and_proven(to: str, told: str, after: str) -> None:
     site = Site()
     site.to = to
-    found = site.change()
-    assert found is not None
+    found = result(site)
     assert found.told().startswith(f"k3s {told} in ")
     assert (found.handoff, found.after) == ("replace", {"k3s": {"image": to, "revision": after}})
     assert (found.started, found.id) == (EPOCH + 10.0, step_id("node1", ["k3s"], found.started))
@@ -268,8 +272,7 @@ def test_a_way_back_that_is_none_is_said(how: str, there: str, words: str) -> No
 @pytest.mark.parametrize("kind", WHY)
 def test_what_does_not_prove_itself_is_taken_back(kind: str) -> None:
     site = busy(45.0, bad={"new": kind})  # what a kubelet said while it was waited for proves nothing
-    found = site.change()
-    assert found is not None
+    found = result(site)
     assert (found.outcome, WHY[kind] in found.reason, "rollback" in found.phases) == ("rolled-back", True, True)
     assert site.there == "old"
     assert "k3s: it is taken back" in site.said
@@ -475,8 +478,7 @@ def test_every_fault_at_every_call(bad: dict[str, str]) -> None:
         site.restore()
         site.holder = ""
         site.advance(60.0)
-        again = site.change()
-        assert again is not None
+        again = result(site)
         assert again.outcome == ("rolled-back" if bad else "updated"), (fault, at, found, again)
 
 
