@@ -62,12 +62,12 @@ class GatedAction(ClusterAction):
 
     def world(self, known: Variables, bring: Callable[[RobotHost, Sequence[str]], None] = lambda *_: None) -> World:
         """The task's host, asked through the collection's modules, its clock, and whoever listens to it."""
-        there, check = RobotHost(self, known), bool(self._task.check_mode)
+        there = RobotHost(self, known)
 
         def module(name: str, arguments: Arguments) -> Result:
             return there.module(f"rosops.fleet.{name}", arguments)
 
-        host = ModuleHost(there.there, module, functools.partial(bring, there), check)
+        host = ModuleHost(there.there, module, functools.partial(bring, there))
         stand = functools.partial(voice.stand, known["inventory_hostname"])
         return World(host, MonotonicClock(), self.say(known), stand)
 
@@ -98,7 +98,6 @@ class HostAction(GatedAction):
         return Place(self.run_of(kube, known), node, robots)
 
     def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> StepResult:
-        """What became of it."""
         change = HostChange(work, place, settings, self.world(known))
         result = change.take()
         self.since = change.since

@@ -71,7 +71,6 @@ class Change:
         return next((rest.since for rest in self.rests if rest.since is not None), None)
 
     def take(self) -> StepResult:
-        """All of the change, from its gate to its outcome."""
         try:
             self.proceed()
             return self.result(UPDATED) if self.check else self.finish()

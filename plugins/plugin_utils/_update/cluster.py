@@ -80,10 +80,12 @@ class KubeCluster:
         claim = self._take(lease)
         self._claims.append(claim)
         try:
-            with claim.renewed():
+            with ticking(RENEW_SECONDS, claim.go_on):
                 yield
         finally:
             self._claims.remove(claim)
+            with contextlib.suppress(KubeError):  # then it ends by itself
+                lease.release()
 
     def confirm(self) -> None:
         """Whether all that was claimed is still this run's; LostError says whose it is."""
@@ -149,15 +151,6 @@ class _Claim:
         self._lease, self._now = lease, now
         self._at, self._lost = now(), ""
 
-    @contextlib.contextmanager
-    def renewed(self) -> Iterator[None]:
-        try:
-            with ticking(RENEW_SECONDS, self._go_on):
-                yield
-        finally:
-            with contextlib.suppress(KubeError):  # then it ends by itself
-                self._lease.release()
-
     def confirm(self) -> None:
         """LostError if it is another one's; KubeError where the API cannot say so.
 
@@ -172,7 +165,7 @@ class _Claim:
         if self._lost:
             raise LostError(self._lost)
 
-    def _go_on(self) -> None:
+    def go_on(self) -> None:
         with contextlib.suppress(KubeError):  # the next time may do
             if not self._lost:
                 self._renew()
@@ -221,5 +214,4 @@ def servers_down(nodes: Iterable[Object], but: str) -> list[str]:
 
 
 def is_server(node: Object) -> bool:
-    """Whether the node runs the API."""
     return any(label in (node["metadata"].get("labels") or {}) for label in SERVER_LABELS)

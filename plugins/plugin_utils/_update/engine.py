@@ -52,8 +52,6 @@ LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each lo
 
 
 class Engine(Hands):
-    """One robot, one run."""
-
     def __init__(self, robot: Robot, settings: Settings, cluster: KubeCluster, world: World) -> None:
         super().__init__(robot, settings, cluster, world)
         self.plan = Plan()
@@ -204,7 +202,7 @@ class Engine(Hands):
             self._rendered, self.desired = self.robot, rendered(self.robot)
             self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
         plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
-        self.plan = with_removals(with_install(plan, self.robot), self.robot, self.live, request)
+        self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:
@@ -288,7 +286,6 @@ class Engine(Hands):
         return [] if self.check or not (self.results or there) or record["data"] in there else [record]
 
     def tell(self) -> None:
-        """Bring the record to its end."""
         last = self.results[-1] if self.results else None
         if last and (last.outcome == WAITING or (last.outcome == UPDATED and not last.reason)):
             return  # told before it waited, or when its mark was taken off

@@ -125,7 +125,6 @@ class Hands:
         self.changes += [change for change in done if change.changed and change.ref.name != EVENTS_NAME]
 
     def delete(self, objects: Sequence[Object]) -> None:
-        """The same for objects that are to go."""
         if objects:
             self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
 
@@ -230,7 +229,6 @@ class Rest:
 
     @property
     def patient(self) -> bool:
-        """Whether it has begun to wait, and has time left."""
         return self.since is not None and self._hands.clock.now() < self.since + self.seconds
 
     def needed(self, calm: Calm) -> bool:

@@ -25,8 +25,8 @@ class ModuleHost:
     `there` is an answer of the host, `run` executes a module of this collection; both raise that.
     """
 
-    def __init__(self, there: Callable[[], None], run: RunModule, bring: Bring, check: bool = False) -> None:
-        self.there, self.bring, self._run, self._check = there, bring, run, check
+    def __init__(self, there: Callable[[], None], run: RunModule, bring: Bring) -> None:
+        self.there, self.bring, self._run = there, bring, run
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
@@ -38,14 +38,11 @@ class ModuleHost:
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
 
-        With none nothing is held, and one look that finds it so is enough.
+        With none, or without a keeper, nothing is held, and one look that finds it so is enough.
         """
-        actions: Sequence[Object] = calm.actions
-        if self._check:  # an action without its server is looked at, and not held
-            actions = [{"name": action["name"]} for action in actions]
         at = {"keeper_uri": keeper} if keeper else {}
         values = {"values": list(calm.when)} if calm.when else {}
-        asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
+        asked = {"actions": list(calm.actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
         found = self._run("ros_action_hold", {"master_uri": master, **at, **asked})
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""))
 

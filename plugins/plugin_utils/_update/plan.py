@@ -75,7 +75,6 @@ class Step:
 
     @property
     def workloads(self) -> list[Object]:
-        """The Deployments among its objects."""
         return deployments_of(self.objects)
 
 
@@ -83,14 +82,12 @@ class Step:
 class Plan:
     """The steps of a robot.
 
-    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes after all steps,
-    `working` those that were proven once, or work now.
+    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes after all steps.
     """
 
     steps: Sequence[Step] = ()
     orphans: Sequence[str] = ()
     remnants: Sequence[Object] = ()
-    working: Collection[Key] = ()
 
 
 @dataclass(frozen=True)
@@ -155,8 +152,8 @@ def update_plan(
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
     if request.to:
-        return replace(_back(there, asked, request), working=there.working)
-    return replace(_forward(there, asked), working=there.working, remnants=_exporters(live, request))
+        return _back(there, asked, request)
+    return replace(_forward(there, asked), remnants=_exporters(live, request))
 
 
 @dataclass(frozen=True)

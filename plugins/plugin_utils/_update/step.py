@@ -246,13 +246,11 @@ def is_dead(step: Step, pods: Iterable[Object]) -> bool:
 
 
 def new_containers(step: Step, pods: Iterable[Object]) -> list[Object]:
-    """What is known of those of the step's new version."""
     statuses = ((pod.get("status") or {}).get("containerStatuses") or () for pod in new_pods(step, pods))
     return [container for found in statuses for container in found]
 
 
 def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
-    """Those of the step's new version."""
     revisions = {app: after["revision"] for app, after in step.after.items()}
     labels = names.LABEL_APP, names.LABEL_REVISION
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]

@@ -70,7 +70,6 @@ class Calm:
     windows: Windows = ALWAYS
 
     def __bool__(self) -> bool:
-        """Whether there is anything to wait for."""
         return bool(self.actions or self.when or self.windows)
 
     @property
