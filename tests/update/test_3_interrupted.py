@@ -207,17 +207,3 @@ def test_control_node_killed(fleet: Fleet, phase: str) -> None:
     fleet.update(wanted, *LIMIT).must(0, robot1="updated")
     fleet.wait_settled()
     watch.assert_nothing_lost("robot1")
-
-
-def test_control_node_killed_with_a_bad_version(fleet: Fleet) -> None:
-    before = fleet.running()
-    bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
-    watch = fleet.watch()
-    update = fleet.start_update(bad, *LIMIT, update_ready_timeout=30)
-    update.wait_for(begins("temperature", "rollback"))
-    update.kill()
-    watch.assert_nothing_lost("robot1", goals=False)
-
-    fleet.update(bad, *LIMIT, update_ready_timeout=30).must(2, robot1="rolled-back")
-    fleet.assert_taken_back(before)
-    watch.assert_nothing_lost("robot1", goals=False)

@@ -237,32 +237,20 @@ def test_when_a_kubelet_was_heard_of(server: Server, ours: KubeCluster) -> None:
     assert ours.beat("edge1") == "2026-11-22T07:00:00.000000Z"
 
 
-def test_robots_with_pods_on_a_node(server: Server, ours: KubeCluster) -> None:
-    server.lists["/api/v1/pods"] = [{"metadata": {"name": "a", "namespace": "robot-robot2"}}]
-    found = robots_on(ours._kube, "edge1", [robot(name="robot1"), robot(name="robot2")])
-    assert [one.name for one in found] == ["robot2"]
-    assert ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"}) in asked(server)
-
-
-def test_robots_that_need_what_is_the_whole_fleets(server: Server, ours: KubeCluster) -> None:
+@pytest.mark.parametrize(("place", "there"), [("robot-robot1", ["robot1"]), ("fleet", ["robot2", "robot3"])])
+def test_robots_with_pods_on_a_node(server: Server, ours: KubeCluster, place: str, there: list[str]) -> None:
     """A shared master and apps of the fleet have their pods beside all robots' namespaces."""
-    fleet = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
+    chart = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
     robots = [
         robot(name="robot1"),
         robot(name="robot2", master={"mode": "shared"}),
-        robot(fleet, name="robot3"),
-        robot(fleet, name="robot4", mode="standalone"),
+        robot(chart, name="robot3"),
+        robot(chart, name="robot4", mode="standalone"),
     ]
-    server.lists["/api/v1/pods"] = [{"metadata": {"name": "ros-master-1", "namespace": "fleet"}}]
-    assert [one.name for one in robots_on(ours._kube, "edge1", robots)] == ["robot2", "robot3"]
-
-
-def asked(server: Server) -> list[tuple[str, dict[str, str]]]:
-    found = []
-    while not server.requests.empty():
-        path, query, _headers = server.requests.get()
-        found.append((path, query))
-    return found
+    server.lists["/api/v1/pods"] = [{"metadata": {"name": "a", "namespace": place}}]
+    assert [one.name for one in robots_on(ours._kube, "edge1", robots)] == there
+    path, query, _headers = server.requests.get()
+    assert (path, query) == ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"})
 
 
 def test_a_node_is_waited_for_until_it_is_ready(server: Server, ours: KubeCluster) -> None:
@@ -271,6 +259,22 @@ def test_a_node_is_waited_for_until_it_is_ready(server: Server, ours: KubeCluste
     server.lists["/api/v1/nodes"] = [node("edge1", True, "Unknown")]
     with pytest.raises(NotReadyError, match="edge1"):
         ours.wait([NODE], 0.2)
+
+
+@pytest.mark.parametrize(
+    ("how", "strict", "watched"), [({}, False, 0.0), ({"stay": 7.0}, True, 7.0), ({"begun": True}, True, 0.0)]
+)
+def test_what_ends_counts_where_it_is_watched(
+    ours: KubeCluster, how: Any, strict: bool, watched: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over all waits of a run: what had ended before the first of them is none of it."""
+    asked = list[Any]()
+    monkeypatch.setattr(cluster, "wait_for_rollout", lambda _kube, _refs, options: asked.append(options))
+    for _time in range(2):
+        ours.wait([NODE], 5.0, **how)
+    found = {(one.timeout, one.fail_on_restart, one.watched, one.begun) for one in asked}
+    assert found == {(5.0, strict, watched, "begun" in how)}
+    assert (asked[0].before is asked[1].before) == strict
 
 
 def test_servers_and_who_of_them_is_away() -> None:

@@ -16,10 +16,9 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import hashed, pod_spec, workload
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update import engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request, rendered
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated import world
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
@@ -116,17 +115,6 @@ def test_check_mode_writes_nothing_and_tells_what_a_run_would_do(name: str, vers
     assert sim.engine_changes
     assert outcome_of(sim, SCENARIOS[name].robot(OLD), check=True).outcome == "unchanged"
     assert not sim.engine_changes
-
-
-def test_a_robots_objects_are_made_once_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once more where its master's Services are new: its pods are told their addresses."""
-    made: list[Robot] = []
-    monkeypatch.setattr(engine, "rendered", lambda one: made.append(one) or rendered(one))
-    sim, wanted = begin("two-steps", "good")
-    for of, expected in ((wanted, "updated"), (wanted, "unchanged")):
-        assert (outcome_of(sim, of).outcome, len(made)) == (expected, 1)
-        made.clear()
-    assert (outcome_of(Simulation(), wanted).outcome, len(made)) == ("updated", 2)
 
 
 def test_images_are_there_before_anything_is_touched() -> None:
