@@ -36,10 +36,10 @@ def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
     again = [step for step in plan.steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
     # as long as there are no apps, what serves them is at nobody's work
-    at_work = {app for space, app in working(live, read_records(live.maps)) if space == robot.namespace}
-    if at_work - installed - {*SERVING}:
+    there = working(live, read_records(live.maps))
+    if {app for space, app in there if space == robot.namespace} - installed - {*SERVING}:
         return plan
-    new = [step for step in plan.steps if step.fresh or step in again]
+    new = [step for step in plan.steps if step in again or not there & {*map(key_of, step.workloads)}]
     others = [replace(step, when=[]) for step in plan.steps if step not in new]
     return replace(plan, steps=[*others, *([_united(new, robot)] if new else [])])
 

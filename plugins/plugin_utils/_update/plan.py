@@ -48,7 +48,6 @@ class Step:
     objects: Sequence[Object] = ()
     previous: Mapping[str, Object] = field(default_factory=dict)  # app or keeper -> the Deployment to go back to
     created: Sequence[Object] = ()  # Deployments that were not there: the way back deletes them, and no others
-    fresh: bool = False  # nothing of it ever came up
     resume: bool = False  # an earlier run applied just this, and ended before it was proven
     proven: bool = False  # an earlier run proved just this, and only its mark is left to be taken off
     drifted: bool = False  # somebody changed by hand what runs, and did not change its revision with it
@@ -189,7 +188,6 @@ class _Robot:
             objects=objects,
             previous=previous,
             created=[identity(item) for item in workloads if key_of(item) not in self.live],
-            fresh=not any(key_of(item) in self.working for item in workloads),
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,

@@ -205,6 +205,10 @@ def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypa
     assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), ("sensor", word)]
     if policy != "force":
         assert found.reason == "sensor: nothing was touched: the graph is not known: the ROS master does not answer"
+    sim, wanted = begin("overlap", "good")  # no step of a master could mend it
+    for check in (True, False):
+        found = outcome_of(sim, wanted, on_busy=policy, check=check)
+        assert (found.outcome, len(found.steps)) == (word, policy == "force")
 
 
 # --- what the graph does not show at this moment ---------------------------------------------------------------------
