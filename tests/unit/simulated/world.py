@@ -544,6 +544,7 @@ class SimulatedCluster:
                 former = item["metadata"]["name"] == names.EXPORTER_NAME  # of an earlier collection
                 removed = former or sim.engine.settings.request.remove or item["kind"] != "Deployment"
                 assert dry_run or removed or key not in sim.before, f"{key} was there before this run, which deletes it"
+                assert removed or item["metadata"]["uid"] == "1", f"{key} is deleted, whichever one that is"
                 if not dry_run and sim.objects.pop(key, None) is not None:
                     sim.touched.add(key)
                     sim.watched -= {key[2]} if sim.engine.settings.request.remove else set()

@@ -559,6 +559,7 @@ def test_a_bad_version_is_not_taken_back_while_it_works(goal: float, fault: str,
         found = outcome_of(sim, wanted, strikes, at)
         calls = [*sim.calls]
     assert (found.outcome, reason in found.reason) == (word, True), found
+    assert any("planner waits until its new version is idle, to take it back" in text for text in sim.said) or fault
     assert sent.ended if word == "rolled-back" else "unproven" in found.reason
     sim.restore()
     sim.advance(goal)
@@ -571,6 +572,7 @@ def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:
     sim.goal("/plan", 20.0, after=20.0)
     found = outcome_of(sim, wanted, on_busy="force")
     assert (found.outcome, found.steps[0].phases.get("wait")) == ("rolled-back", None)
+    assert found.steps[0].phases["rollback"] > 0.0
 
 
 @pytest.mark.parametrize("name", ["drain", "replace"])
