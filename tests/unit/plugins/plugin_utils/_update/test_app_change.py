@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import early
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -603,3 +604,5 @@ def test_whether_a_version_runs_unproven_is_said_as_far_as_it_is_known() -> None
         again, at = begin("overlap", "good")[0], sim.phases.index(f"sensor: {phase}") + 1
         found = outcome_of(again, wanted, "api-gone", at)
         assert words in found.reason, (phase, found.reason)
+        (step,) = found.steps
+        assert step.id == step_id("robot1", ["sensor"], step.started)

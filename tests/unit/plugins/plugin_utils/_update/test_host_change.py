@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import word_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
@@ -290,10 +291,12 @@ def test_what_does_not_prove_itself_is_taken_back(kind: str) -> None:
 def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> None:
     """A look may be short; the time that a busy robot has goes on from the first one."""
     site, looks, since = busy(45.0), 1, None
-    while (found := outcome(site, **limits, since=since)[0]) == "waiting":
+    while (found := result(site, **limits, since=since)).outcome == "waiting":
         looks, since = looks + 1, site.since
         assert since is not None
-    assert (found, looks) == (word, 4 if "look_timeout" in limits else 1)
+    if since:
+        assert (found.started, found.phases["wait"] > 30.0) == (pytest.approx(EPOCH + since, abs=0.01), True)
+    assert (found.outcome, looks) == (word, 4 if "look_timeout" in limits else 1)
     said = any("busy on /planner" in text for text in site.said)
     assert said == (word == "updated" and not site.forced) or {*limits} & {"busy_timeout", "look_timeout"}
 
@@ -326,6 +329,16 @@ def test_goals_that_nobody_can_let_go_are_told_of_and_the_change_stands(monkeypa
     assert any("goals of /plan may be held for another 60 s: nothing listens" in text for text in site.said)
 
 
+@pytest.mark.parametrize(
+    ("call", "words"), [("works", "the host went away: no route"), ("undo", "; before that: new keeps ending")]
+)
+def test_a_host_that_goes_away_is_told_with_what_was_before(call: str, words: str) -> None:
+    clean, site = Site({"new": "works"}), Site({"new": "works"})
+    clean.change()
+    found = result(site, fault="robot-gone", at=clean.calls.index(call) + 1)
+    assert (found.outcome, words in found.reason) == ("deferred-offline", True), found
+
+
 @pytest.mark.parametrize("which", ["other_run", "lost"])
 def test_a_robot_that_another_run_has_is_left_alone(which: str) -> None:
     """Also when the control node slept between the wait and the change: what is held may be held for that run."""
@@ -333,6 +346,7 @@ def test_a_robot_that_another_run_has_is_left_alone(which: str) -> None:
     setattr(site, which, True)
     why = {"other_run": "somebody changes this robot", "lost": "somebody else has this robot now"}[which]
     assert outcome(site) == ("deferred-busy", f"nothing was touched: {why}")
+    assert word_of(LostError(why)) == "deferred-busy"
     assert site.changes == 0
 
 
