@@ -22,15 +22,10 @@ sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections")]
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger  # noqa: E402
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (  # noqa: E402
-    FOREVER,
-    OFFERS,
-    Offer,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation  # noqa: E402
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, OFFERS, Offer, image  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation  # noqa: E402
 from published import HELP, Table, publish  # noqa: E402 - all of these are found through the line above
 
 SIZES = (10, 30, 100)

@@ -89,7 +89,6 @@ class ActionModule(HostAction):
         known: Variables,
         before: Result,
     ) -> Result:
-        """What became of it, from the process beside."""
         work = UsersTasks(Path(variables["guarded_tasks"]).stem, turns, bool(variables["guarded_undo"]))
         settings = self.settings(variables, variables["guarded_ready_timeout"], work.name, before)
         node = Fleet.from_vars(known).hosts[known["inventory_hostname"]].node

@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import NotReadyError
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.cluster import foreseen
 from ..plugin_utils._action.gated import GatedAction
@@ -30,7 +31,6 @@ from ..plugin_utils._objects.parts import CODE, ground_objects, images, tagged_p
 from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.engine import Engine
 from ..plugin_utils._update.hands import Settings, look_seconds
-from ..plugin_utils._update.host import ImageSource
 from ..plugin_utils._update.ledger import FLEET, Ledger
 from ..plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ..plugin_utils._update.plan import Request
@@ -141,11 +141,15 @@ class ActionModule(GatedAction):
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
 
-        def source(there: RobotHost) -> ImageSource:
+        def bring(there: RobotHost, wanted: Sequence[str]) -> None:
+            """With those that are always wanted; what apps run by the inventory stays pinned."""
             node = NodeImages(there, params["images_rate_limit"], self.say(self._vars), self._pull_secrets())
-            return ImageSource(node, params["images_archives"], params["images_refs"], images(robot, "local"))
+            refs = dict.fromkeys([*params["images_refs"], *wanted])
+            brought = node.bring(params["images_archives"], refs, check, images(robot, "local"))
+            if brought.problems:
+                raise NotReadyError("; ".join(brought.problems))
 
-        engine = Engine(robot, settings, self.run_of(kube, self._vars), self.world(self._vars, source))
+        engine = Engine(robot, settings, self.run_of(kube, self._vars), self.world(self._vars, bring))
         outcome, self._since = engine.run(), engine.waiting
         if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
             keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))

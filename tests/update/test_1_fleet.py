@@ -41,20 +41,6 @@ def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> 
     fleet.assert_still_running(before)
 
 
-def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> None:
-    """As it was installed: `kubectl rollout undo` brings back the mark that the version had then."""
-    before, watch = fleet.running(), fleet.watch()
-    for command in ("set image deployment/temperature '*=lab/apps:nowhere'", "rollout undo deployment/temperature"):
-        fleet.hosts.ssh("edge1", f"k3s kubectl -n robot-robot1 {command}")
-    bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
-    run = fleet.update(bad, *LIMIT, update_ready_timeout=30).must(2, robot1="rolled-back")
-    fleet.assert_taken_back(before)
-    run = fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
-    (step,) = run.steps("robot1")
-    assert {"gate", "record"} <= set(step["phases"]), run  # through the gate, and no installation
-    watch.assert_nothing_lost("robot1", goals=False)
-
-
 @pytest.mark.promise("an update of a whole fleet loses nothing, and a second one changes nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()

@@ -8,7 +8,7 @@ What the action has to know then is in the run's ledger.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar, TypeVar
 
@@ -17,14 +17,13 @@ from ansible.errors import AnsibleError
 
 from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError
-from .._images.node import NodeImages
 from .._kube.client import Kube
 from .._model.fleet import VARIABLE, Fleet, robot_from_vars
 from .._model.outcomes import FAILED, UNCHANGED
 from .._update.change import NOTHING, word_of
 from .._update.cluster import KubeCluster, robots_on, run_name
 from .._update.hands import Settings, World, look_seconds
-from .._update.host import ImageSource, ModuleHost
+from .._update.host import ModuleHost
 from .._update.host_change import HostChange, Place, Work
 from .._update.ledger import Ledger
 from .._update.outcome import WAITING, RobotOutcome, StepResult
@@ -61,19 +60,16 @@ class GatedAction(ClusterAction):
         """The cluster, as this run changes robots in it."""
         return KubeCluster(kube, self.say(known), run_name(known))
 
-    def world(self, known: Variables, images: Callable[[RobotHost], ImageSource] | None = None) -> World:
-        """The task's host, asked through the collection's modules, its clock, and whoever listens to it.
-
-        Without `images` there are none to be brought.
-        """
-        there, check = RobotHost(self, known), bool(self._task.check_mode)
+    def world(self, known: Variables, bring: Callable[[RobotHost, Sequence[str]], None] = lambda *_: None) -> World:
+        """The task's host, asked through the collection's modules, its clock, and whoever listens to it."""
+        there = RobotHost(self, known)
 
         def module(name: str, arguments: Arguments) -> Result:
             return there.module(f"rosops.fleet.{name}", arguments)
 
-        source = images(there) if images else ImageSource(NodeImages(there))
+        host = ModuleHost(there.there, module, functools.partial(bring, there))
         stand = functools.partial(voice.stand, known["inventory_hostname"])
-        return World(ModuleHost(there.there, module, source, check), MonotonicClock(), self.say(known), stand)
+        return World(host, MonotonicClock(), self.say(known), stand)
 
 
 class HostAction(GatedAction):
@@ -102,7 +98,6 @@ class HostAction(GatedAction):
         return Place(self.run_of(kube, known), node, robots)
 
     def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> StepResult:
-        """What became of it."""
         change = HostChange(work, place, settings, self.world(known))
         result = change.take()
         self.since = change.since

@@ -118,7 +118,7 @@ class AppChange(StepChange):
             self.rest.let_go()
             objects, self.beside = self.marked(self.found.contracts), True
             self.write(beside(objects, chosen))
-            self.cluster.begin(chosen, self.settings.ready_timeout)
+            self.cluster.wait(chosen, self.settings.ready_timeout, begun=True)
 
     def hold(self) -> None:
         """A robot that went to work again is waited for without a pod beside it."""
@@ -187,7 +187,7 @@ class AppChange(StepChange):
         self.written = True
 
     def roll_out(self) -> None:
-        self.cluster.stay(self.step.workloads, self.settings.ready_timeout)
+        self.cluster.wait(self.step.workloads, self.settings.ready_timeout, stay=0.0)
 
     def verify(self) -> None:
         if self.step.kind == "master":

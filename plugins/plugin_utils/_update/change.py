@@ -1,15 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One machine for every change of what a robot works with, from its gate to its outcome.
-
-    gate      what has to hold, and whether anything forbids the change
-    start     a version that cannot work beside the old one waits there for the old one's end
-    wait      the robot rests, and new goals are held back
-    record    what is there now, and has to be there again
-    apply     the change, and before it what the next run has to know of it
-    rollout   what was changed is there, by its own word and by the cluster's
-    verify    the graph is what was recorded
-    finish    the change is proven, or its keeper watches it for a while (`update_soak`)
-    rollback  or the change is taken back, under the same proof
+"""One machine for every change of what a robot works with, from its gate to its outcome: phases of class `Change`.
 
 The kinds of a change of a robot's apps, which are the steps of its plan, are in `app_change`: a new version, the
 installation of all that is new, a removal. A change of the host is in `host_change`.
@@ -81,7 +71,6 @@ class Change:
         return next((rest.since for rest in self.rests if rest.since is not None), None)
 
     def take(self) -> StepResult:
-        """All of the change, from its gate to its outcome."""
         try:
             self.proceed()
             return self.result(UPDATED) if self.check else self.finish()
@@ -110,20 +99,23 @@ class Change:
         """What is there now, and has to be there again."""
 
     def apply(self) -> None:
-        """The change itself; `begun` stands before its first write. In check mode it is found out what it would be."""
+        """The change, and before it what the next run has to know of it; `begun` stands before the first write.
+
+        In check mode it is found out what it would be.
+        """
 
     def roll_out(self) -> None:
-        """Wait until what was changed is there."""
+        """Wait until what was changed is there, by its own word and by the cluster's."""
 
     def verify(self) -> None:
         """Wait until the graph is what was recorded."""
 
     def finish(self) -> StepResult:
-        """Say that the change is proven."""
+        """Say that the change is proven, or that its keeper watches it for a while (`update_soak`)."""
         return self.result(UPDATED)
 
     def back(self) -> None:
-        """Take back whatever part of the change was made; StaysError where there is no way back."""
+        """Take back whatever part of it was made, under the same proof; StaysError where there is no way back."""
 
     # --- what became of the change ----------------------------------------------------------------------------------
 

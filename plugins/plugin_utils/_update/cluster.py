@@ -10,6 +10,7 @@ import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.words import LEASE, LEASE_SECONDS, OWNER
@@ -79,10 +80,12 @@ class KubeCluster:
         claim = self._take(lease)
         self._claims.append(claim)
         try:
-            with claim.renewed():
+            with ticking(RENEW_SECONDS, claim.go_on):
                 yield
         finally:
             self._claims.remove(claim)
+            with contextlib.suppress(KubeError):  # then it ends by itself
+                lease.release()
 
     def confirm(self) -> None:
         """Whether all that was claimed is still this run's; LostError says whose it is."""
@@ -115,35 +118,24 @@ class KubeCluster:
         """What is not there is no error. An object with a uid is deleted if it is that very one."""
         return self._writer.delete(map(ref_of, objects), dry_run)
 
-    def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.
+    def wait(self, objects: Sequence[Object], timeout: float, stay: float | None = None, begun: bool = False) -> None:
+        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help.
 
-        With minReadySeconds: until these are Ready.
+        `stay`: then for so many seconds more, and at once if a container ends meanwhile. What a pod had ended by itself
+        before this run is none of it, whatever else this run has waited for. `begun`: as strict, and only until new
+        pods run beside the old ones, or have no place before these have gone; with minReadySeconds: until Ready.
         """
-        how = WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
-        self._wait(objects, how)
-
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
-        self._wait(objects, WaitOptions(timeout, say=self._say))
-
-    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
-        """The same, and then so many seconds more; NotReadyError at once if a container ends meanwhile.
-
-        What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
-        """
-        how = WaitOptions(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
-        self._wait(objects, how)
+        refs = parse_refs([dict(item) for item in objects])
+        how = WaitOptions(timeout, begun=begun, say=self._say)
+        if begun or stay is not None:
+            how = replace(how, fail_on_restart=True, watched=stay or 0.0, before=self._restarts)
+        if refs:
+            wait_for_rollout(self._kube, refs, how)
 
     def beat(self, node: str) -> str:
         """When the node's kubelet was last heard of, in its own words; empty where it never was."""
         lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
         return str((lease.get("spec") or {}).get("renewTime") or "")
-
-    def _wait(self, objects: Sequence[Object], options: WaitOptions) -> None:
-        refs = parse_refs([dict(item) for item in objects])
-        if refs:
-            wait_for_rollout(self._kube, refs, options)
 
 
 def awake_or_not() -> float:
@@ -157,15 +149,6 @@ class _Claim:
     def __init__(self, lease: Lease, now: Callable[[], float] = awake_or_not) -> None:
         self._lease, self._now = lease, now
         self._at, self._lost = now(), ""
-
-    @contextlib.contextmanager
-    def renewed(self) -> Iterator[None]:
-        try:
-            with ticking(RENEW_SECONDS, self._go_on):
-                yield
-        finally:
-            with contextlib.suppress(KubeError):  # then it ends by itself
-                self._lease.release()
 
     def confirm(self) -> None:
         """LostError if it is another one's; KubeError where the API cannot say so.
@@ -181,7 +164,7 @@ class _Claim:
         if self._lost:
             raise LostError(self._lost)
 
-    def _go_on(self) -> None:
+    def go_on(self) -> None:
         with contextlib.suppress(KubeError):  # the next time may do
             if not self._lost:
                 self._renew()
@@ -230,5 +213,4 @@ def servers_down(nodes: Iterable[Object], but: str) -> list[str]:
 
 
 def is_server(node: Object) -> bool:
-    """Whether the node runs the API."""
     return any(label in (node["metadata"].get("labels") or {}) for label in SERVER_LABELS)

@@ -52,14 +52,11 @@ LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each lo
 
 
 class Engine(Hands):
-    """One robot, one run."""
-
     def __init__(self, robot: Robot, settings: Settings, cluster: KubeCluster, world: World) -> None:
         super().__init__(robot, settings, cluster, world)
         self.plan = Plan()
         self.desired: Desired = {}  # what the robot is to run
         self.ground: Sequence[Object] = ()  # what the pods stand on, of the parts that are asked for
-        self._rendered: Robot | None = None  # of whom these are
         self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.left = False  # it is at work and has to be changed, which this run may not
         self.trouble: FleetError | None = None  # after the steps
@@ -200,11 +197,10 @@ class Engine(Hands):
         if other:
             raise SpecError(f"{self.robot.name}'s apps run with {other}, and {MOVED}")
         self.robot, settings, request = located(self.robot, self.live), self.settings, self.settings.request
-        if self.robot != self._rendered:
-            self._rendered, self.desired = self.robot, rendered(self.robot)
-            self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
+        self.desired = rendered(self.robot)
+        self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
         plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
-        self.plan = with_removals(with_install(plan, self.robot), self.robot, self.live, request)
+        self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:
@@ -288,7 +284,6 @@ class Engine(Hands):
         return [] if self.check or not (self.results or there) or record["data"] in there else [record]
 
     def tell(self) -> None:
-        """Bring the record to its end."""
         last = self.results[-1] if self.results else None
         if last and (last.outcome == WAITING or (last.outcome == UPDATED and not last.reason)):
             return  # told before it waited, or when its mark was taken off

@@ -125,7 +125,6 @@ class Hands:
         self.changes += [change for change in done if change.changed and change.ref.name != EVENTS_NAME]
 
     def delete(self, objects: Sequence[Object]) -> None:
-        """The same for objects that are to go."""
         if objects:
             self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
 
@@ -175,7 +174,7 @@ class Hands:
         """
         seconds, at_first = self.settings.verify_seconds, min(self.settings.verify_seconds, GRAPH_SECONDS)
         self.ready(conditions, timeout + at_first, what, stable=at_first)
-        self.cluster.stay(workloads, STAY_EXTRA, seconds - at_first)
+        self.cluster.wait(workloads, STAY_EXTRA, stay=seconds - at_first)
         if seconds > at_first:
             self.ready(conditions, timeout, what)
 
@@ -230,7 +229,6 @@ class Rest:
 
     @property
     def patient(self) -> bool:
-        """Whether it has begun to wait, and has time left."""
         return self.since is not None and self._hands.clock.now() < self.since + self.seconds
 
     def needed(self, calm: Calm) -> bool:

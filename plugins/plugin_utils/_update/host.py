@@ -4,56 +4,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
-from ...module_utils._common.errors import NotReadyError, RosError
+from ...module_utils._common.errors import RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
 from ...module_utils._ros.graph import Graph
 from ...module_utils._ros.graph_json import graph_data, graph_from
-from .._images.node import NodeImages
 from .world import Calm, Object, Seen
 
 INTERVAL = 0.2
 RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken from the network
 
 
-@dataclass(frozen=True)
-class ImageSource:
-    """Where images come from: archives of the control node (`{path, images}`), and names that are always wanted.
-
-    `keep` are those that the robot's apps run by the inventory: they stay pinned.
-    """
-
-    node: NodeImages
-    archives: Sequence[Object] = ()
-    names: Sequence[str] = ()
-    keep: Sequence[str] = ()
-
-
 RunModule = Callable[[str, Object], Object]  # name and arguments to result; AwayError
+Bring = Callable[[Sequence[str]], None]  # have these images on the node; NotReadyError, AwayError
 
 
 class ModuleHost:
     """AwayError where the host cannot be reached.
 
-    `reach` is an answer of the host, `run` executes a module of this collection; both raise that.
+    `there` is an answer of the host, `run` executes a module of this collection; both raise that.
     """
 
-    def __init__(self, reach: Callable[[], None], run: RunModule, images: ImageSource, check: bool = False) -> None:
-        self._reach, self._run, self._images, self._check = reach, run, images, check
-
-    def there(self) -> None:
-        """Whether it can be reached."""
-        self._reach()
-
-    def bring(self, images: Sequence[str]) -> bool:
-        """Have these images on the node; whether anything had to be brought."""
-        source = self._images
-        names = dict.fromkeys([*source.names, *images])
-        brought = source.node.bring(source.archives, names, self._check, source.keep)
-        if brought.problems:
-            raise NotReadyError("; ".join(brought.problems))
-        return brought.changed
+    def __init__(self, there: Callable[[], None], run: RunModule, bring: Bring) -> None:
+        self.there, self.bring, self._run = there, bring, run
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
@@ -65,16 +38,13 @@ class ModuleHost:
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
 
-        With none nothing is held, and one look that finds it so is enough.
+        With none, or without a keeper, nothing is held, and one look that finds it so is enough.
         """
-        actions: Sequence[Object] = calm.actions
-        if self._check:  # an action without its server is looked at, and not held
-            actions = [{"name": action["name"]} for action in actions]
         at = {"keeper_uri": keeper} if keeper else {}
         values = {"values": list(calm.when)} if calm.when else {}
-        asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
+        asked = {"actions": list(calm.actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
         found = self._job("ros_hold", {"master_uri": master, **at, **asked})
-        return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
+        return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""))
 
     def release(self, keeper: str, actions: Sequence[Object]) -> None:
         """Let the held goals go."""

@@ -71,8 +71,6 @@ class Place:
 
 
 class HostChange(Change):
-    """The work with its gate, its proof and its way back."""
-
     where = "host"
 
     def __init__(self, work: Work, place: Place, settings: Settings, world: World) -> None:

@@ -20,13 +20,13 @@ from .._objects.master import keeper_objects
 from .._objects.parts import APPS
 from .addresses import NAMES, SERVING
 from .plan import INSTALL, REMOVE, Plan, Request, Step, promised
-from .revisions import described, files_owner, identity, kept, key_of
+from .revisions import described, files_owner, identity, kept, key_of, read_records, working
 from .world import Live, Object
 
 ALL = "all"
 
 
-def with_install(plan: Plan, robot: Robot) -> Plan:
+def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
     """The plan with all that never came up as one step, the last one, where no app is at work.
 
     What an installation that was cut off has brought up is installed once more: as it is wanted, so that nothing
@@ -36,10 +36,10 @@ def with_install(plan: Plan, robot: Robot) -> Plan:
     again = [step for step in plan.steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
     # as long as there are no apps, what serves them is at nobody's work
-    at_work = {app for namespace, app in plan.working if namespace == robot.namespace} - {*SERVING}
-    if at_work - installed:
+    there = working(live, read_records(live.maps))
+    if {app for space, app in there if space == robot.namespace} - installed - {*SERVING}:
         return plan
-    new = [step for step in plan.steps if step.fresh or step in again]
+    new = [step for step in plan.steps if step in again or not there & {*map(key_of, step.workloads)}]
     others = [replace(step, when=[]) for step in plan.steps if step not in new]
     return replace(plan, steps=[*others, *([_united(new, robot)] if new else [])])
 

@@ -13,7 +13,7 @@ seconds of being Ready than a step lasts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from ...module_utils._ros.contract import NOTHING, Contract
@@ -92,14 +92,12 @@ def marked(objects: Iterable[Object], maps: Iterable[Object], run: str, key: str
     `maps` are the records of the step: of which version each may go back to without a run.
     """
     before = {app_of(item): record_of(item).before for item in maps}
-    found: list[Object] = []
-    for item in objects:
-        if item["kind"] == "Deployment":
-            mark = {key: str(Mark(run, revision_of(item))), **back_to(before.get(app_of(item)))}
-            found.append({**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}})
-        else:
-            found.append(item)
-    return found
+
+    def with_mark(item: Object) -> Object:
+        mark = {key: str(Mark(run, revision_of(item))), **back_to(before.get(app_of(item)))}
+        return {**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}}
+
+    return [with_mark(item) if item["kind"] == "Deployment" else item for item in objects]
 
 
 # --- beside the old version -----------------------------------------------------------------------------------------
@@ -127,23 +125,16 @@ def early(step: Step, calm: Calm, kept: bool = True) -> list[Object]:
     return chosen
 
 
-def beside(objects: Iterable[Object], chosen: Iterable[Object]) -> list[Object]:
+def beside(objects: Sequence[Object], chosen: Iterable[Object]) -> list[Object]:
     """Of a step's objects the ConfigMaps, and these Deployments, the old pods of which stay for now."""
     apps = {app_of(item) for item in chosen}
-    first = [
-        item
-        for item in objects
-        if item["kind"] == "ConfigMap" or (item["kind"] == "Deployment" and app_of(item) in apps)
-    ]
-    return [_beside(item) if item["kind"] == "Deployment" else item for item in first]
+    deployments = [item for item in objects if item["kind"] == "Deployment" and app_of(item) in apps]
+    return [*(item for item in objects if item["kind"] == "ConfigMap"), *map(_beside, deployments)]
 
 
 def _beside(deployment: Object) -> Object:
-    made = {**deployment, "spec": {**deployment["spec"], "strategy": dict(OVERLAP_STRATEGY)}}
-    return made if waits_for_the_old(made) else _patient(made)
-
-
-def _patient(deployment: Object) -> Object:
-    """Not available for as long as the API allows; once it is applied without, its pod is available at once."""
-    spec = deployment["spec"]
-    return {**deployment, "spec": {**spec, "minReadySeconds": spec.get("progressDeadlineSeconds", 600) - 1}}
+    spec = {**deployment["spec"], "strategy": dict(OVERLAP_STRATEGY)}
+    if not waits_for_the_old(deployment):
+        # not available for as long as the API allows; once it is applied without, its pod is available at once
+        spec["minReadySeconds"] = spec.get("progressDeadlineSeconds", 600) - 1
+    return {**deployment, "spec": spec}

@@ -63,17 +63,14 @@ class StepResult:
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> StepResult:
         """What `as_dict` made of it; AttributeError, TypeError or ValueError for what is of another shape."""
+        texts = {key: str(told.get(key) or "") for key in ("id", "name", "handoff", "outcome", "reason")}
         return cls(
-            id=str(told.get("id") or ""),
-            name=str(told.get("name") or ""),
             apps=tuple(map(str, told.get("apps") or ())),
-            handoff=str(told.get("handoff") or ""),
             before=_versions(told.get("from")),
             after=_versions(told.get("to")),
             started=float(told.get("started") or 0),
             phases={str(name): float(seconds) for name, seconds in (told.get("phases") or {}).items()},
-            outcome=str(told.get("outcome") or ""),
-            reason=str(told.get("reason") or ""),
+            **texts,
         )
 
     def told(self) -> str:

@@ -35,7 +35,6 @@ HANDOFFS = ("overlap", "replace", "drain")
 APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; others are the master's, and a host's
 
 Desired = Mapping[str, Sequence[Object]]  # app -> its objects, the master and its keeper as apps of these names
-Histories = Mapping[str, Sequence[Object]]  # app -> its earlier versions, the last one first
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,6 @@ class Step:
     objects: Sequence[Object] = ()
     previous: Mapping[str, Object] = field(default_factory=dict)  # app or keeper -> the Deployment to go back to
     created: Sequence[Object] = ()  # Deployments that were not there: the way back deletes them, and no others
-    fresh: bool = False  # nothing of it ever came up
     resume: bool = False  # an earlier run applied just this, and ended before it was proven
     proven: bool = False  # an earlier run proved just this, and only its mark is left to be taken off
     drifted: bool = False  # somebody changed by hand what runs, and did not change its revision with it
@@ -67,7 +65,7 @@ class Step:
     conditions: Object = field(default_factory=dict)  # options of ros_ready: what the apps' readiness asks of the graph
     before: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # app -> image and revision
     after: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    histories: Histories = field(default_factory=dict)
+    histories: Mapping[str, Sequence[Object]] = field(default_factory=dict)  # app -> earlier versions, the last first
 
     @property
     def renames(self) -> dict[str, str]:
@@ -76,7 +74,6 @@ class Step:
 
     @property
     def workloads(self) -> list[Object]:
-        """The Deployments among its objects."""
         return deployments_of(self.objects)
 
 
@@ -84,15 +81,12 @@ class Step:
 class Plan:
     """The steps of a robot.
 
-    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes after all steps,
-    `working` those that were proven once, or work now.
+    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes after all steps.
     """
 
     steps: Sequence[Step] = ()
-    unchanged: Sequence[str] = ()
     orphans: Sequence[str] = ()
     remnants: Sequence[Object] = ()
-    working: Collection[Key] = ()
 
 
 @dataclass(frozen=True)
@@ -157,8 +151,8 @@ def update_plan(
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
     if request.to:
-        return replace(_back(there, asked, request), working=there.working)
-    return replace(_forward(there, asked), working=there.working, remnants=_exporters(live, request))
+        return _back(there, asked, request)
+    return replace(_forward(there, asked), remnants=_exporters(live, request))
 
 
 @dataclass(frozen=True)
@@ -194,7 +188,6 @@ class _Robot:
             objects=objects,
             previous=previous,
             created=[identity(item) for item in workloads if key_of(item) not in self.live],
-            fresh=not any(key_of(item) in self.working for item in workloads),
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,
@@ -274,7 +267,6 @@ def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
     known = {key_of(item) for item in deployments_of([*all_of(there.desired), *keeper_objects(there.robot)])}
     return Plan(
         [there.step(members) for members in _ordered(there.robot.apps, changed)],
-        [app for app in asked if app not in changed],
         sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER),
     )
 
@@ -310,8 +302,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
             raise SpecError(f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {there_are or 'none'}")
     changed = [app for app in target if there.open(target[app])]
     back = replace(there, desired={**there.desired, **target})
-    steps = [back.step(members, back=True) for members in _ordered(there.robot.apps, changed)]
-    return Plan(steps, [app for app in there.desired if app not in changed])
+    return Plan([back.step(members, back=True) for members in _ordered(there.robot.apps, changed)])
 
 
 def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:

@@ -95,7 +95,6 @@ def described(deployment: Object) -> dict[str, str]:
 
 
 def deployments_of(objects: Iterable[Object]) -> list[Object]:
-    """The Deployments among the objects."""
     return [item for item in objects if item["kind"] == "Deployment"]
 
 

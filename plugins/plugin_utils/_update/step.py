@@ -246,13 +246,11 @@ def is_dead(step: Step, pods: Iterable[Object]) -> bool:
 
 
 def new_containers(step: Step, pods: Iterable[Object]) -> list[Object]:
-    """What is known of those of the step's new version."""
     statuses = ((pod.get("status") or {}).get("containerStatuses") or () for pod in new_pods(step, pods))
     return [container for found in statuses for container in found]
 
 
 def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
-    """Those of the step's new version."""
     revisions = {app: after["revision"] for app, after in step.after.items()}
     labels = names.LABEL_APP, names.LABEL_REVISION
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
@@ -308,8 +306,8 @@ def proof(step: Step, gate: Gate, tolerance: float) -> Object:
     """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds."""
     old, new = {*step.old_nodes.values(), *gate.succession.nodes}, {*step.new_nodes.values()}
     gone = sorted(old - new - {*gate.succession.nodes.values()} - {""})
-    parts = [step.conditions, *_conditions(gate.contracts.values(), tolerance)]
-    return _united(parts, absent=gone if step.handoff == "overlap" else ())
+    more = [step.conditions, {"absent": gone if step.handoff == "overlap" else ()}]
+    return _united(gate.contracts.values(), tolerance, more)
 
 
 def proves_nothing(conditions: Object) -> bool:
@@ -326,18 +324,13 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> Object:
     for app, launch in step.launched.items():
         contract = gate.contracts.get(app, NOTHING)
         old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
-    found = _united(_conditions([one.renamed(old) for one in gate.contracts.values()], tolerance))
+    found = _united([one.renamed(old) for one in gate.contracts.values()], tolerance)
     return {**found, "topics": ros_contract.unstreamed(found["topics"])}
 
 
-def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[Object]:
-    return [ros_contract.conditions(part, tolerance) for contract in contracts for part in contract.parts]
-
-
-def _united(parts: Sequence[Object], absent: Sequence[str] = ()) -> Object:
+def _united(contracts: Iterable[Contract], tolerance: float, more: Sequence[Object] = ()) -> Object:
     found: dict[str, list[Any]] = {key: [] for key in LISTS}
-    for part in parts:
+    for part in [*more, *(ros_contract.conditions(part, tolerance) for one in contracts for part in one.parts)]:
         for key in LISTS:
             found[key] += [item for item in part.get(key) or [] if item not in found[key]]
-    found["absent"] += [node for node in absent if node not in found["absent"]]
     return found

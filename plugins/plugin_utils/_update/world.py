@@ -59,7 +59,6 @@ class Seen:
 
     verdict: str
     reason: str = ""
-    held: Sequence[str] = ()  # actions whose new goals are held back now
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,6 @@ class Calm:
     windows: Windows = ALWAYS
 
     def __bool__(self) -> bool:
-        """Whether there is anything to wait for."""
         return bool(self.actions or self.when or self.windows)
 
     @property

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
@@ -196,6 +198,7 @@ def test_images_of_all_edge_hosts_are_known_from_one(
 ) -> None:
     told = {"edge1": {"present": {"docker.io/lab/apps:1.0": "sha256:1"}}, "edge3": {"unreachable": True}}
     edge, settings = Edge(edge1={}, edge2={"edge_images": told}, edge3={"edge_images": told}), list[Any]()
+    brought_there: list[Any] = []
 
     class Engine:
         waiting: ClassVar[dict[str, float]] = {}
@@ -203,16 +206,28 @@ def test_images_of_all_edge_hosts_are_known_from_one(
         changes: ClassVar[list[Any]] = []
         left = False
 
-        def __init__(self, _robot: Any, given: Any, *_world: Any) -> None:
+        def __init__(self, _robot: Any, given: Any, _cluster: Any, world: Any) -> None:
             settings.append(given)
+            self.host = world.host
 
         def run(self) -> RobotOutcome:
+            with pytest.raises(NotReadyError, match="b:1 is nowhere"):
+                self.host.bring(["a:1"])
             return RobotOutcome("unchanged")
 
+    def bring(_node: Any, *asked: Any) -> Any:
+        brought_there.append([asked[0], [*asked[1]], *asked[2:]])
+        return SimpleNamespace(problems=["b:1 is nowhere"])
+
     monkeypatch.setattr(_robot_update, "Engine", Engine)
+    monkeypatch.setattr(_robot_update.NodeImages, "bring", bring)
     known = {**VARIABLES, **fleet_of(robot({**APP, "placement": placement})), "hostvars": edge}
     brought = {"present": {"docker.io/library/redis:7": "sha256:7"}}
-    result = run(_robot_update, api, {**known, "groups": {"edge": list(edge)}, "images_brought": brought})
+    known |= {"groups": {"edge": list(edge)}, "images_brought": brought, "images_refs": ["always:1", "a:1"]}
+    result = run(_robot_update, api, known)
+    local = ["apps:1.0"] * (placement == "local")
+    assert [asked[1:3] for asked in brought_there] == [[["always:1", "a:1"], False]]
+    assert set(local) <= {*brought_there[0][3]}  # what stays pinned
     assert result["outcome"]["outcome"] == "unchanged"
     assert (result["verdict"], result["elapsed"]) == ("pass", 0.5)  # for the report
     assert edge.asked == asked

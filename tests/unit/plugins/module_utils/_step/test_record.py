@@ -112,8 +112,14 @@ def test_a_step_proves_all_its_apps_at_once(mark: str, other: dict[str, Any], ex
 
 
 def test_a_record_is_read_as_it_was_written() -> None:
-    written = record(OLD, ready_timeout=30, apps=[APP, "lidar"])
+    written = record(OLD, ready_timeout=30, apps=[APP, "lidar"], soak=0.5, ends=3, ignore=["/debug"])
+    assert (written.ready_timeout, written.soak, written.ends, written.before) == (30.0, 0.5, 3, deployment(OLD))
     assert record_of({"data": written.data()}) == written
+    # in a fixed order, so that what says the same is the same, and without what says nothing
+    assert {text: json.dumps(json.loads(text), sort_keys=True) for text in written.data().values()} == {
+        text: text for text in written.data().values()
+    }
+    assert not {"soak", "ends", "ignore"} & {*json.loads(record(OLD).data()["contract.json"])}
     assert record_of({"data": written.fulfilled().data()}).proven
     assert (record_of(None), record_of({"data": None})) == (Record(), Record())
 
@@ -129,6 +135,7 @@ SOAKED = {"soak": 120.0, "ends": 1}
         (SOAKED, THIS, f"6 {THIS}", False),  # brought back by `kubectl rollout undo`
         (SOAKED, OLD, f"7 {THIS}", False),
         (SOAKED, OLD, f"7 {OLD}", False),
+        ({"soak": 0.5}, THIS, f"7 {THIS}", True),
         ({}, THIS, f"7 {THIS}", False),
         ({**SOAKED, "proven": True}, THIS, f"7 {THIS}", False),
     ],
@@ -149,9 +156,10 @@ def test_what_was_found_good_has_the_names_of_its_pods_for_keepers_that_know_no_
     contract = {"nodes": ["/a_1a2b3c4d", "/b"], "edges": [["/a_1a2b3c4d", "/t", "/c_99999999"]]}
     found = record(OLD, **contract, ignore=["/debug"])
     assert found.ignore == ("/debug",)
-    good = found.found_good(120.0, 0, {"1a2b3c4d": "79d9c6f8b5"})
+    good = found.found_good(120.0, 2, {"1a2b3c4d": "79d9c6f8b5"})
+    assert (good.soak, good.ends) == (120.0, 2)
     said = json.loads(good.data()["contract.json"])
     assert (said["nodes"], said["edges"]) == (
         ["/a_1a2b3c4d_79d9c6f8b5", "/b"], [["/a_1a2b3c4d_79d9c6f8b5", "/t", "/c_99999999"]],
     )  # fmt: skip
-    assert record_of({"data": good.data()}) == found.found_good(120.0, 0, {})  # as every reader since has it
+    assert record_of({"data": good.data()}) == found.found_good(120.0, 2, {})  # as every reader since has it

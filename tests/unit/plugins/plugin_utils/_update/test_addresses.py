@@ -14,13 +14,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
-    ADDRESSES,
-    addressed,
-    app,
-    applied,
-)
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import ADDRESSES, addressed, app, applied
 
 APPS = [app("one"), app("two", hooks="sidecar"), app("three", launch={"file": "/a.launch"})]
 ROBOT = robot(*APPS)

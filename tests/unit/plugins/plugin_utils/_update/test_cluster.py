@@ -165,6 +165,8 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
     """As in two containers of one image, and as two workers of one run are."""
     server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
     with Kube({"host": server.url, "api_key": "t"}) as kube:
+        awx = {"awx_job_id": 22, "awx_job_template_name": "fleet update"}
+        assert re.fullmatch(r"AWX job 22 \(fleet update\), [0-9a-f]{8}", run_name(awx))
         one, other = (KubeCluster(kube, print, run_name({})) for _run in range(2))
         with one.claim("robot-robot1"):
             (mine,) = one._claims
@@ -198,33 +200,16 @@ def test_the_hold_of_another_tool_is_not_waited_for_but_after_its_end(
             assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
 
 
-def test_a_job_of_awx_is_named_as_awx_names_it() -> None:
-    known = {"awx_job_id": 22, "awx_job_template_name": "fleet update"}
-    assert re.fullmatch(r"AWX job 22 \(fleet update\), [0-9a-f]{8}", run_name(known))
-
-
 def test_the_time_of_a_claim_begins_before_it_is_asked_for(
-    clock: Clock, server: Server, monkeypatch: pytest.MonkeyPatch
+    clock: Clock, lapsing: Lapsing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Slow(Lease):
-        def __init__(self, *_unused: object) -> None:
-            super().__init__()
-
-        def acquire(self) -> Hold:
-            clock.time += SURE_SECONDS
-            return Hold(True, "us")
-
-        def release(self) -> None:
-            """Nothing to let go."""
-
-    monkeypatch.setattr(cluster, "Lease", Slow)
-    monkeypatch.setattr(cluster, "_Claim", functools.partial(_Claim, now=clock.now))
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
-        ours = cluster.KubeCluster(kube, lambda _text: None, "us")
-        with ours.claim("r"):
-            (held,) = ours._claims
-            ours.confirm()
-            assert held._lease.renewed == 1  # type: ignore[attr-defined]
+    acquire = cluster.Lease.acquire
+    monkeypatch.setattr(cluster.Lease, "acquire", lambda lease: (clock.sleep(SURE_SECONDS), acquire(lease))[1])
+    ours = cluster.KubeCluster(Kube({"host": lapsing.url, "api_key": "t"}), print, "us")
+    with ours.claim("r"):
+        before = len(lapsing.tried)
+        ours.confirm()
+        assert [path for path, _at in lapsing.tried[before:]] == [LEASE_PATH]  # it is renewed already
 
 
 # --- a cluster of which one node is to be changed ---------------------------------------------------------------------
@@ -252,32 +237,20 @@ def test_when_a_kubelet_was_heard_of(server: Server, ours: KubeCluster) -> None:
     assert ours.beat("edge1") == "2026-11-22T07:00:00.000000Z"
 
 
-def test_robots_with_pods_on_a_node(server: Server, ours: KubeCluster) -> None:
-    server.lists["/api/v1/pods"] = [{"metadata": {"name": "a", "namespace": "robot-robot2"}}]
-    found = robots_on(ours._kube, "edge1", [robot(name="robot1"), robot(name="robot2")])
-    assert [one.name for one in found] == ["robot2"]
-    assert ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"}) in asked(server)
-
-
-def test_robots_that_need_what_is_the_whole_fleets(server: Server, ours: KubeCluster) -> None:
+@pytest.mark.parametrize(("place", "there"), [("robot-robot1", ["robot1"]), ("fleet", ["robot2", "robot3"])])
+def test_robots_with_pods_on_a_node(server: Server, ours: KubeCluster, place: str, there: list[str]) -> None:
     """A shared master and apps of the fleet have their pods beside all robots' namespaces."""
-    fleet = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
+    chart = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
     robots = [
         robot(name="robot1"),
         robot(name="robot2", master={"mode": "shared"}),
-        robot(fleet, name="robot3"),
-        robot(fleet, name="robot4", mode="standalone"),
+        robot(chart, name="robot3"),
+        robot(chart, name="robot4", mode="standalone"),
     ]
-    server.lists["/api/v1/pods"] = [{"metadata": {"name": "ros-master-1", "namespace": "fleet"}}]
-    assert [one.name for one in robots_on(ours._kube, "edge1", robots)] == ["robot2", "robot3"]
-
-
-def asked(server: Server) -> list[tuple[str, dict[str, str]]]:
-    found = []
-    while not server.requests.empty():
-        path, query, _headers = server.requests.get()
-        found.append((path, query))
-    return found
+    server.lists["/api/v1/pods"] = [{"metadata": {"name": "a", "namespace": place}}]
+    assert [one.name for one in robots_on(ours._kube, "edge1", robots)] == there
+    path, query, _headers = server.requests.get()
+    assert (path, query) == ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"})
 
 
 def test_a_node_is_waited_for_until_it_is_ready(server: Server, ours: KubeCluster) -> None:
@@ -286,6 +259,22 @@ def test_a_node_is_waited_for_until_it_is_ready(server: Server, ours: KubeCluste
     server.lists["/api/v1/nodes"] = [node("edge1", True, "Unknown")]
     with pytest.raises(NotReadyError, match="edge1"):
         ours.wait([NODE], 0.2)
+
+
+@pytest.mark.parametrize(
+    ("how", "strict", "watched"), [({}, False, 0.0), ({"stay": 7.0}, True, 7.0), ({"begun": True}, True, 0.0)]
+)
+def test_what_ends_counts_where_it_is_watched(
+    ours: KubeCluster, how: Any, strict: bool, watched: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over all waits of a run: what had ended before the first of them is none of it."""
+    asked = list[Any]()
+    monkeypatch.setattr(cluster, "wait_for_rollout", lambda _kube, _refs, options: asked.append(options))
+    for _time in range(2):
+        ours.wait([NODE], 5.0, **how)
+    found = {(one.timeout, one.fail_on_restart, one.watched, one.begun) for one in asked}
+    assert found == {(5.0, strict, watched, "begun" in how)}
+    assert (asked[0].before is asked[1].before) == strict
 
 
 def test_servers_and_who_of_them_is_away() -> None:

@@ -9,30 +9,21 @@ from __future__ import annotations
 
 import itertools
 import os
-import random
-from bisect import bisect
-from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    config_map,
-    hashed,
-    object_labels,
-    pod_spec,
-    workload,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update import engine
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import hashed, pod_spec, workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request, rendered
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update import simulation
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated import world
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     INFRASTRUCTURE,
     MATRIX,
     OLD,
@@ -42,18 +33,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    FOREVER,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    BEAT,
-    FAULTS,
-    RESTARTED_APPS,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, RESTARTED_APPS, Simulation
 from hypothesis import HealthCheck
 from hypothesis import settings as bounds
 from hypothesis import strategies as st
@@ -91,37 +71,14 @@ def points(name: str, version: str, calls: Sequence[str]) -> list[tuple[str, int
     return [point for number, point in enumerate(found, shift) if number % SHARE == 0]
 
 
-@pytest.mark.parametrize(("name", "version"), MATRIX)
-def test_faults_at_every_call(name: str, version: str) -> None:
-    sim, wanted = begin(name, version)
-    clean = sim.run(wanted, settings())
-    assert clean is not None
-    assert clean.outcome == ("updated" if version == "good" else "rolled-back"), clean
-    calls, runs = [*sim.calls], 3
-    converge(sim, wanted, version)
-    wrong = []
-    for fault, at in points(name, version, calls):
-        sim, wanted = begin(name, version)
-        try:
-            sim.run(wanted, settings(), fault, at)
-            sim.restore()
-            converge(sim, wanted, version)
-        except AssertionError as error:
-            wrong.append(f"{fault} at {at} ({calls[at - 1]}): {error}".splitlines()[0])
-        runs += 3
-    print(f"{name}, {version}: {len(calls)} calls, {runs} runs")  # shown by pytest -rP
-    assert runs > 12
-    assert not wrong, "\n".join(wrong)
-
-
-def pairs(name: str, version: str, phases: Sequence[str]) -> list[tuple[str, int, int, str]]:
+def pairs(name: str, version: str, phases: Sequence[str]) -> list[tuple[str, int, tuple[int, str]]]:
     """Two faults in one run: each pair, the first at a phase's first call, the second at one of the next six.
 
     One of every `PAIRS`. Of a run that was killed nothing is left that a second one could strike.
     """
     firsts = [at for at in range(1, len(phases) + 1) if at == 1 or phases[at - 1] != phases[at - 2]]
     found = [
-        (first, at, at + 1 + number % 6, second)
+        (first, at, (at + 1 + number % 6, second))
         for number, (first, second) in enumerate(itertools.product(faults_of(name, version), repeat=2))
         for at in firsts
         if first not in ("killed", "half-killed")
@@ -130,19 +87,23 @@ def pairs(name: str, version: str, phases: Sequence[str]) -> list[tuple[str, int
 
 
 @pytest.mark.parametrize(("name", "version"), MATRIX)
-def test_two_faults_in_one_run(name: str, version: str) -> None:
+def test_one_fault_at_every_call_and_two_in_one_run(name: str, version: str) -> None:
     sim, wanted = begin(name, version)
-    sim.run(wanted, settings())
-    drawn, wrong = pairs(name, version, sim.phases), []
-    for first, at, then, second in drawn:
+    clean = outcome_of(sim, wanted)
+    assert clean.outcome == ("updated" if version == "good" else "rolled-back"), clean
+    calls, phases, wrong = [*sim.calls], [*sim.phases], []
+    converge(sim, wanted, version)
+    one, two = points(name, version, calls), pairs(name, version, phases)
+    for faults in (*one, *two):
         sim, wanted = begin(name, version)
         try:
-            sim.run(wanted, settings(), first, at, (then, second))
+            sim.run(wanted, settings(), *faults)
             sim.restore()
             converge(sim, wanted, version)
         except AssertionError as error:
-            wrong.append(f"{first} at {at}, {second} at {then}: {error}".splitlines()[0])
-    print(f"{name}, {version}: {len(drawn)} pairs of faults")  # shown by pytest -rP
+            wrong.append(f"{faults} ({calls[faults[1] - 1]}): {error}".splitlines()[0])
+    print(f"{name}, {version}: {len(calls)} calls, {len(one)} with a fault, {len(two)} pairs")  # shown by pytest -rP
+    assert len(one) > 3
     assert not wrong, "\n".join(wrong)
 
 
@@ -156,27 +117,6 @@ def test_check_mode_writes_nothing_and_tells_what_a_run_would_do(name: str, vers
     assert not sim.engine_changes
 
 
-def test_a_robots_objects_are_made_once_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once more where its master's Services are new: its pods are told their addresses."""
-    made: list[Robot] = []
-    monkeypatch.setattr(engine, "rendered", lambda one: made.append(one) or rendered(one))
-    sim, wanted = begin("two-steps", "good")
-    for of, expected in ((wanted, "updated"), (wanted, "unchanged")):
-        assert (outcome_of(sim, of).outcome, len(made)) == (expected, 1)
-        made.clear()
-    assert (outcome_of(Simulation(), wanted).outcome, len(made)) == ("updated", 2)
-
-
-def test_what_the_inventory_does_not_know_is_told_and_left() -> None:
-    sim, _wanted = begin("two-steps", "good")
-    told = "not in the inventory, left as they are (update_remove_apps takes them away): stats"
-    found = outcome_of(sim, robot(app("sensor", OLD)))
-    assert (found.outcome, found.reason, sim.said) == ("updated", "ConfigMap robot-robot1/robot-rest", [told])
-    assert outcome_of(sim, robot(app("sensor", OLD))).outcome == "unchanged"
-    assert sim.said == [told]
-    assert sim.deployment(("robot-robot1", "stats"))
-
-
 def test_images_are_there_before_anything_is_touched() -> None:
     sim, wanted = begin("overlap", "good")
     assert outcome_of(sim, wanted).outcome == "updated"
@@ -184,8 +124,7 @@ def test_images_are_there_before_anything_is_touched() -> None:
     assert sim.brought == [image("good")]
 
 
-@pytest.mark.parametrize("check", [False, True])
-@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize(("back", "check"), [(False, False), (True, True)])
 def test_a_version_that_an_edge_host_lacks_is_not_begun(back: bool, check: bool) -> None:
     """Check mode says what a run would, and going back needs the image as going forth does."""
     sim = Simulation()
@@ -218,26 +157,18 @@ def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image
     assert outcome_of(sim, wanted).outcome == "unchanged"
 
 
-EXPORTERS = [(kind, "robot-robot1", "ros-exporter") for kind in ("ConfigMap", "Deployment")]
-
-
 @pytest.mark.parametrize("version", ["good", "never-starts"])
 def test_the_exporter_of_an_earlier_collection_goes_once_the_keeper_does_its_work(version: str) -> None:
     scenario, sim = SCENARIOS["keeper-and-master"], Simulation()
-    sim.put(config_map("ros-exporter", "robot-robot1", object_labels("ros-exporter", "robot1"), {}))
     containers = [{"name": "ros-exporter", "image": OLD}]
     sim.put(hashed(workload("ros-exporter", "robot-robot1", "robot1", pod_spec(containers))))
     sim.install(scenario.robot(OLD))
     wanted = scenario.robot(image(version))
-    assert outcome_of(sim, wanted, request=Request(only=["sensor"])).outcome == "unchanged"
     assert outcome_of(sim, wanted, check=True).outcome == "updated"
-    assert [change.ref.name for change in sim.engine_changes if change.after is None] == ["ros-exporter"] * 2
+    assert [change.ref.name for change in sim.engine_changes if change.after is None] == ["ros-exporter"]
     found, good = outcome_of(sim, wanted), version == "good"
     assert [step.name for step in found.steps] == (["ros-keeper", "ros-master"] if good else ["ros-keeper"])
-    assert [key for key in EXPORTERS if key in sim.objects] == ([] if good else EXPORTERS)
-    if good:
-        assert not any("not in the inventory" in line for line in sim.said)
-        assert (outcome_of(sim, wanted).outcome, sim.engine_changes) == ("unchanged", [])
+    assert (("Deployment", "robot-robot1", "ros-exporter") in sim.objects) == (not good)
 
 
 def services_of(sim: Simulation) -> list[str]:
@@ -293,8 +224,7 @@ def test_a_run_that_lost_its_lease_ends() -> None:
     at = sim.calls.index("rollout") + 1
     sim, wanted = begin("overlap", "never-connects")
     old = running(sim, "sensor")
-    found = sim.run(wanted, settings(), "asleep", at)
-    assert found is not None
+    found = outcome_of(sim, wanted, "asleep", at)
     assert (found.outcome, "ros-keeper had this robot" in found.reason) == ("failed", True)
     assert running(sim, "sensor") == old
     assert outcome_of(sim, wanted).outcome == "rolled-back"
@@ -324,7 +254,7 @@ def test_an_app_that_runs_another_image_than_its_name_means_by_now_is_told(
 ) -> None:
     """It is unchanged, as its Deployment is; what its pod keeps only a look at images shows."""
     sim, wanted = begin("overlap", "good")
-    ref, plain = "docker.io/lab/sensor:1", simulation.pod_object
+    ref, plain = "docker.io/lab/sensor:1", world.pod_object
 
     def pod_object(pod: Any) -> dict[str, Any]:
         container = {"name": "ros-app", "imageID": "sha256:01d", "state": {"running": {}}}
@@ -333,7 +263,7 @@ def test_an_app_that_runs_another_image_than_its_name_means_by_now_is_told(
         mine = made["metadata"]["labels"]["rosops.fleet/app"] == "sensor"
         return {**made, "spec": spec, "status": {**made["status"], "containerStatuses": [container]}} if mine else made
 
-    monkeypatch.setattr(simulation, "pod_object", pod_object)
+    monkeypatch.setattr(world, "pod_object", pod_object)
     known = {("robot1", ref): {"sha256:4e3"}}
     found = outcome_of(sim, SCENARIOS["overlap"].robot(OLD), check=check, known=lambda *asked: known.get(asked, ()))
     told = f"sensor runs another image than {ref} is by now on robot1: its pod keeps the old one; {TODO}"
@@ -433,95 +363,3 @@ TestOperators.settings = bounds(
     print_blob=False,
     suppress_health_check=list(HealthCheck),
 )
-
-
-# --- robots that change what they say ---------------------------------------------------------------------------------
-
-SCHEDULES = 100 if os.environ.get("ROSOPS_TEST_ALL") else 30
-STILL = 2.0
-# Between the look that found all well and the change: calls to the keeper and the cluster. Who drives off then is at
-# work beside the change, as with a goal that comes in the same moment.
-BETWEEN = 3.0
-
-
-@dataclass(frozen=True)
-class Day:
-    """What is so from which second on."""
-
-    times: list[float]
-    values: list[Any]
-
-    def at(self, time: float) -> Any:
-        return self.values[bisect(self.times, time) - 1]
-
-    def among(self, since: float, until: float) -> list[Any]:
-        return self.values[bisect(self.times, since) - 1 : bisect(self.times, until)]
-
-
-def day(chance: random.Random, value: Callable[[], Any], begin: float) -> Day:
-    """Something else every 1 to 30 seconds, for half an hour, and then no more."""
-    times, values = [0.0], [value()]
-    while times[-1] < begin + 1800.0:
-        times.append(max(times[-1], begin) + chance.uniform(1.0, 30.0))
-        values.append(value())
-    return Day(times, values)
-
-
-class Busy:
-    """Its schedule, as messages and as the truth."""
-
-    def __init__(self, chance: random.Random, sim: Simulation) -> None:
-        self.battery = day(chance, lambda: chance.choice((0.15, 0.39, 0.41, 0.9)), sim.time)
-        self.speed = day(chance, lambda: chance.choice((0.0, 0.0, 0.7, -0.2)), sim.time)
-        self.docked = day(chance, lambda: chance.random() < 0.5, sim.time)
-        sim.messages = {
-            "/battery": lambda time: {"percentage": self.battery.at(time)},
-            "/odom": lambda time: {"twist": {"linear": {"x": self.speed.at(time)}}},
-            "/docked": lambda time: {"data": self.docked.at(time)},
-        }
-
-    def permits(self, when: Object, time: float) -> bool:
-        """Some time in the moment before it."""
-        moments = [time - BETWEEN + BEAT * number for number in range(round(BETWEEN / BEAT) + 1)]
-        return any(all(TRUTH[one["topic"]](self, moment) for one in when) for moment in moments)
-
-
-TRUTH: dict[str, Callable[[Busy, float], bool]] = {
-    "/battery": lambda robot, time: robot.battery.at(time) > 0.4,
-    "/odom": lambda robot, time: not any(robot.speed.among(time - STILL + BEAT, time)),
-    "/docked": lambda robot, time: bool(robot.docked.at(time)),
-}
-ASKED = (
-    {"topic": "/battery", "field": "percentage", "above": 0.4},
-    {"topic": "/odom", "field": "twist.linear", "still": STILL},
-    {"topic": "/docked", "field": "data", "equals": True},
-)
-
-
-def run_on_schedule(number: int, counted: Counter[str]) -> None:
-    chance = random.Random(number)  # noqa: S311 - a schedule
-    sim, wanted = begin(chance.choice(("overlap", "drain", "replace", "group", "two-steps")), "good")
-    when = chance.sample(ASKED, chance.randint(1, 3))
-    robot, wanted = Busy(chance, sim), replace(wanted, when=when)
-    sim.advance(chance.uniform(0.0, 60.0))
-    policy = chance.choice(("wait", "wait", "defer"))
-    look, since, outcome = chance.choice((None, 0.0, 8.0)), dict[str, float](), "waiting"
-    while outcome == "waiting":
-        found = sim.run(wanted, settings(on_busy=policy, busy_timeout=300.0, look_timeout=look, since=since))
-        assert found is not None
-        counted[outcome := found.outcome] += 1
-        since, look = sim.engine.waiting, 8.0
-        sim.advance(chance.uniform(0.0, 20.0))  # other robots have their turn
-    assert outcome == "deferred-busy" or (outcome == "updated" and sim.steps), found
-    counted["steps"] += len(sim.steps)
-    against = [time for time in sim.steps if not robot.permits(when, time)]
-    assert not against, f"schedule {number}: begun after {against} s against {when}"
-
-
-def test_no_step_begins_against_what_messages_say() -> None:
-    counted = Counter[str]()
-    for number in range(SCHEDULES):
-        run_on_schedule(number, counted)
-    # else it shows nothing
-    assert min(counted["updated"], counted["deferred-busy"], counted["waiting"]) >= SCHEDULES / 10, counted
-    assert counted["steps"] >= SCHEDULES / 2, counted

@@ -7,15 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import PIN, NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Calm, Seen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Seen
 
 MASTER, KEEPER = "http://10.43.0.1:11311", "http://10.43.0.2:11411"
-LISTING = '{"images": [{"id": "sha256:1", "repoTags": ["docker.io/library/a:1"]}]}'
 REST = [{"name": "/plan", "server": "/planner"}, {"name": "/dock"}]
 
 
@@ -30,32 +28,12 @@ class Modules:
         return self.answer
 
 
-class Node:
-    """A node that has the image `a:1`, and gets no other one."""
-
-    def module(self, _name: str, _args: Mapping[str, Any], **_more: Any) -> Mapping[str, Any]:
-        parts = "x86_64", LISTING, f"REF LABELS\ndocker.io/library/a:1 {PIN}=wanted", "", "{}"
-        return {"rc": 0, "stdout": "\n--- rosops.fleet ---\n".join(parts)}
-
-    def copy(self, src: str, dest: str, rate_limit: str) -> Mapping[str, Any]:
-        raise AssertionError((src, dest, rate_limit))
-
-
 def job(name: str, **arguments: Any) -> tuple[str, dict[str, Any]]:
     return "_host", {"job": name, "arguments": arguments}
 
 
-def host(modules: Modules, check: bool = False, names: list[str] | None = None) -> ModuleHost:
-    return ModuleHost(lambda: None, modules.run, ImageSource(NodeImages(Node()), [], names or []), check)
-
-
-def test_a_robot_that_is_away_is_said_to_be() -> None:
-    def away() -> float:
-        raise AwayError("no route")
-
-    with pytest.raises(AwayError, match="no route"):
-        ModuleHost(away, Modules().run, ImageSource(NodeImages(Node()))).there()
-    host(Modules()).there()
+def host(modules: Modules) -> ModuleHost:
+    return ModuleHost(lambda: None, modules.run, lambda _images: None)
 
 
 def test_the_graph_is_asked_for_with_all_that_a_contract_holds() -> None:
@@ -83,36 +61,19 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
 
 
 def test_goals_are_held_and_let_go() -> None:
-    modules = Modules(verdict="wait", reason="/plan is busy", held=["/plan"], failed=True)
-    seen = host(modules).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0)
-    assert seen == Seen("wait", "/plan is busy", ("/plan",))
-    asked = {"actions": REST, "seconds": 60.0, "timeout": 8.0, "interval": 0.2}
-    assert modules.ran == [job("ros_hold", master_uri=MASTER, keeper_uri=KEEPER, **asked)]
+    modules, when = Modules(verdict="wait", reason="/plan is busy", failed=True), [{"topic": "/battery", "above": 0.4}]
+    at, asked = {"master_uri": MASTER, "keeper_uri": KEEPER}, {"seconds": 60.0, "timeout": 8.0, "interval": 0.2}
+    assert host(modules).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0) == Seen("wait", "/plan is busy")
+    host(modules).hold(MASTER, "", Calm([], when), 60.0, 8.0)  # without a keeper nothing is held, or let go
+    host(modules).release("", REST)
+    assert modules.ran == [
+        job("ros_hold", **at, actions=REST, **asked),
+        job("ros_hold", master_uri=MASTER, actions=[], values=when, **asked),
+    ]
     modules = Modules()
     host(modules).release(KEEPER, REST)
     asked = {"actions": ["/plan", "/dock"], "timeout": 30.0, "interval": 0.2}
     assert modules.ran == [job("ros_release", keeper_uri=KEEPER, **asked)]
-
-
-def test_what_messages_must_say_goes_along() -> None:
-    modules, values = Modules(verdict="pass"), [{"topic": "/battery", "field": "percentage", "above": 0.4}]
-    host(modules).hold(MASTER, "", Calm([], values), 0.0, 8.0)
-    asked = {"actions": [], "values": values, "seconds": 0.0, "timeout": 8.0, "interval": 0.2}
-    assert modules.ran == [job("ros_hold", master_uri=MASTER, **asked)]
-
-
-def test_without_a_keeper_nothing_is_held_or_let_go() -> None:
-    modules = Modules(verdict="pass")
-    host(modules).hold(MASTER, "", Calm(REST), 60.0, 8.0)
-    host(modules).release("", REST)
-    ((_name, given),) = modules.ran
-    assert "keeper_uri" not in given["arguments"]
-
-
-def test_in_check_mode_actions_are_looked_at_and_not_held() -> None:
-    modules = Modules(verdict="pass")
-    host(modules, check=True).hold(MASTER, KEEPER, Calm(REST), 60.0, 0.0)
-    assert modules.ran[0][1]["arguments"]["actions"] == [{"name": "/plan"}, {"name": "/dock"}]
 
 
 def test_conditions_are_waited_for() -> None:
@@ -139,9 +100,3 @@ def test_registrations_are_given_and_taken() -> None:
         job("ros_register", master_uri=MASTER, graph=graph_data(Graph()), nodes=[]),
         job("ros_reap", master_uri=MASTER, nodes=["/b"]),
     ]
-
-
-def test_images_are_brought_with_those_that_are_always_wanted() -> None:
-    assert host(Modules(), names=["a:1"]).bring(["a:1"]) is False
-    with pytest.raises(NotReadyError, match="b:1"):
-        host(Modules(), check=False, names=["b:1"]).bring(["a:1"])

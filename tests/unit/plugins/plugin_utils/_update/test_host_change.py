@@ -23,21 +23,22 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import word_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object, Seen
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, settings
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import EPOCH, FOREVER
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed, app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import EPOCH, FOREVER
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     FAULTS,
     Killed,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed, app
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 START = 20.0  # seconds until what was changed serves again
 BEAT = 10.0  # between two words of a kubelet
@@ -171,10 +172,10 @@ class HostCluster(SimulatedCluster):
             item["status"] = {"availableReplicas": len(there) * self.sim.ready_before}
         return found
 
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
+    def wait(self, objects: Sequence[Object], timeout: float, **how: Any) -> None:
         assert objects[0] == {"apiVersion": "v1", "kind": "Node", "metadata": {"name": "node1"}}
         assert bool(objects[1:]) == (self.sim.ready_before and bool(self.sim.robots))
-        super().wait(objects[1:], timeout)
+        super().wait(objects[1:], timeout, **how)
 
     @contextmanager
     def claim(self, namespace: str) -> Iterator[None]:
@@ -192,9 +193,14 @@ def contracts(site: Site) -> list[str]:
     return [name for _kind, _namespace, name in site.objects if name.startswith("host-change")]
 
 
-def outcome(site: Site, **limits: Any) -> tuple[str, str]:
+def result(site: Site, **limits: Any) -> StepResult:
     found = site.change(**limits)
     assert found is not None
+    return found
+
+
+def outcome(site: Site, **limits: Any) -> tuple[str, str]:
+    found = result(site, **limits)
     return found.outcome, found.reason
 
 
@@ -205,12 +211,15 @@ def busy(seconds: float, **more: Any) -> Site:
     return site
 
 
-def test_a_robot_at_rest_is_changed_and_proven() -> None:
+@pytest.mark.parametrize(
+    ("to", "told", "after"), [("v1.34.3", "v1.34.2 -> v1.34.3", ""), ("v1.34.2", "v1.34.2 (settings)", "settings")]
+)
+def test_a_robot_at_rest_is_changed_and_proven(to: str, told: str, after: str) -> None:
     site = Site()
-    found = site.change()
-    assert found is not None
-    assert found.told().startswith("k3s v1.34.2 -> v1.34.3 in ")
-    assert (found.handoff, found.after) == ("replace", {"k3s": {"image": "v1.34.3", "revision": ""}})
+    site.to = to
+    found = result(site)
+    assert found.told().startswith(f"k3s {told} in ")
+    assert (found.handoff, found.after) == ("replace", {"k3s": {"image": to, "revision": after}})
     assert (found.started, found.id) == (EPOCH + 10.0, step_id("node1", ["k3s"], found.started))
     assert {"gate", "wait", "apply", "verify"} == {*found.phases}
     order = [name for name in site.calls if name in ("hold", "make", "works", "ready", "proven", "release")]
@@ -224,21 +233,6 @@ def test_the_api_of_the_robot_itself_is_away_meanwhile() -> None:
     assert site.calls[site.calls.index("works") :].count("read") >= 2
 
 
-def test_a_host_on_which_no_robot_works_is_not_waited_for() -> None:
-    site = Site()
-    site.robots = []
-    assert outcome(site)[0] == "updated"
-    assert not {"hold", "graph", "claim"} & set(site.calls)
-
-
-def test_other_settings_of_the_same_version_are_told_as_such() -> None:
-    site = Site()
-    site.to = Work.before
-    found = site.change()
-    assert found is not None
-    assert found.told().startswith("k3s v1.34.2 (settings) in ")
-
-
 WHY = {
     "works": "new keeps ending",
     "beat": "has not been heard of since",
@@ -247,11 +241,39 @@ WHY = {
 }
 
 
+@pytest.mark.parametrize(
+    ("how", "cluster", "calls"),
+    [
+        ({"robots": ()}, True, {"hold", "graph", "claim"}),  # nobody works there
+        ({}, False, {"hold", "graph", "claim", "read"}),  # the API is dead, and this is how to mend it
+        ({"ready_before": False}, True, set()),  # what was not well before is no part of the proof
+    ],
+)
+def test_what_is_not_there_is_not_asked(how: dict[str, Any], cluster: bool, calls: set[str]) -> None:
+    site = Site()
+    vars(site).update(how)
+    assert outcome(site, cluster=cluster) == ("updated", "")
+    assert not calls & {*site.calls}
+
+
+@pytest.mark.parametrize(
+    ("how", "there", "words"),
+    [
+        ("cannot_undo", "new", "the way back failed, too: the disk is full"),
+        ("lost_then", "new", "somebody else has this robot now"),  # it is not taken back under that run
+    ],
+)
+def test_a_way_back_that_is_none_is_said(how: str, there: str, words: str) -> None:
+    site = Site({"new": "works"})
+    setattr(site, how, True)
+    word, reason = outcome(site)
+    assert (word, site.there, site.changes, words in reason) == ("failed", there, 1, True)
+
+
 @pytest.mark.parametrize("kind", WHY)
 def test_what_does_not_prove_itself_is_taken_back(kind: str) -> None:
-    site = Site({"new": kind})
-    found = site.change()
-    assert found is not None
+    site = busy(45.0, bad={"new": kind})  # what a kubelet said while it was waited for proves nothing
+    found = result(site)
     assert (found.outcome, WHY[kind] in found.reason, "rollback" in found.phases) == ("rolled-back", True, True)
     assert site.there == "old"
     assert "k3s: it is taken back" in site.said
@@ -259,26 +281,24 @@ def test_what_does_not_prove_itself_is_taken_back(kind: str) -> None:
         assert any("not yet" in text for text in site.said), "a long wait says what it waits for"
 
 
-def test_a_way_back_that_fails_is_said() -> None:
-    site = Site({"new": "works"})
-    site.cannot_undo = True
-    word, reason = outcome(site)
-    assert word == "failed"
-    assert "the way back failed, too: the disk is full" in reason
-
-
 @pytest.mark.parametrize(
     ("limits", "word"),
     [
         ({}, "updated"), ({"on_busy": "defer"}, "deferred-busy"), ({"busy_timeout": 20.0}, "deferred-busy"),
-        ({"on_busy": "force"}, "updated"),
+        ({"on_busy": "force"}, "updated"), ({"look_timeout": 10.0}, "updated"),
     ],
 )  # fmt: skip
 def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> None:
-    site = busy(45.0)
-    assert outcome(site, **limits)[0] == word
+    """A look may be short; the time that a busy robot has goes on from the first one."""
+    site, looks, since = busy(45.0), 1, None
+    while (found := result(site, **limits, since=since)).outcome == "waiting":
+        looks, since = looks + 1, site.since
+        assert since is not None
+    if since:
+        assert (found.started, found.phases["wait"] > 30.0) == (pytest.approx(EPOCH + since, abs=0.01), True)
+    assert (found.outcome, looks) == (word, 4 if "look_timeout" in limits else 1)
     said = any("busy on /planner" in text for text in site.said)
-    assert said == (word == "updated" and not site.forced) or limits.get("busy_timeout")
+    assert said == (word == "updated" and not site.forced) or {*limits} & {"busy_timeout", "look_timeout"}
 
 
 def test_what_a_robot_says_and_its_windows_are_waited_for() -> None:
@@ -297,17 +317,6 @@ def test_what_a_robot_says_and_its_windows_are_waited_for() -> None:
             assert bool(waited) == (policy == "wait")
 
 
-def test_what_the_kubelet_said_while_the_robot_was_waited_for_proves_nothing() -> None:
-    """It said a lot meanwhile, and nothing after the change."""
-    assert outcome(busy(45.0, bad={"new": "beat"}))[0] == "rolled-back"
-
-
-def test_a_hold_whose_answer_was_lost_is_ended_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    hold = SimulatedHost.hold
-    monkeypatch.setattr(SimulatedHost, "hold", lambda *given: Seen(hold(*given).verdict))
-    assert outcome(Site())[0] == "updated"
-
-
 def test_goals_that_nobody_can_let_go_are_told_of_and_the_change_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_unused: object) -> None:
         raise RosError("nothing listens at http://10.43.0.1:11411/")
@@ -320,14 +329,14 @@ def test_goals_that_nobody_can_let_go_are_told_of_and_the_change_stands(monkeypa
     assert any("goals of /plan may be held for another 60 s: nothing listens" in text for text in site.said)
 
 
-def test_whoever_waits_may_come_back() -> None:
-    """A look is short; the time that a busy robot has goes on from the first one."""
-    site, looks, since = busy(45.0), 0, None
-    while (found := outcome(site, look_timeout=10.0, since=since)[0]) == "waiting":
-        looks, since = looks + 1, site.since
-        assert since is not None
-        assert since < 20
-    assert (found, looks) == ("updated", 3)
+@pytest.mark.parametrize(
+    ("call", "words"), [("works", "the host went away: no route"), ("undo", "; before that: new keeps ending")]
+)
+def test_a_host_that_goes_away_is_told_with_what_was_before(call: str, words: str) -> None:
+    clean, site = Site({"new": "works"}), Site({"new": "works"})
+    clean.change()
+    found = result(site, fault="robot-gone", at=clean.calls.index(call) + 1)
+    assert (found.outcome, words in found.reason) == ("deferred-offline", True), found
 
 
 @pytest.mark.parametrize("which", ["other_run", "lost"])
@@ -337,36 +346,17 @@ def test_a_robot_that_another_run_has_is_left_alone(which: str) -> None:
     setattr(site, which, True)
     why = {"other_run": "somebody changes this robot", "lost": "somebody else has this robot now"}[which]
     assert outcome(site) == ("deferred-busy", f"nothing was touched: {why}")
+    assert word_of(LostError(why)) == "deferred-busy"
     assert site.changes == 0
 
 
-def test_what_another_run_has_by_now_is_not_taken_back_under_it() -> None:
-    site = Site({"new": "works"})
-    site.lost_then = True
-    word, reason = outcome(site)
-    assert (word, site.there, site.changes) == ("failed", "new", 1)
-    assert "somebody else has this robot now" in reason
-
-
-@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("defer", "failed"), ("force", "updated")])
+@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
 def test_a_graph_that_cannot_be_read_is_no_idle_robot(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_unused: object) -> None:
         raise RosError("the master does not answer")
 
     monkeypatch.setattr(SimulatedHost, "graph", refuse)
     assert outcome(Site(), on_busy=policy)[0] == word
-
-
-def test_what_was_not_well_before_is_no_part_of_the_proof() -> None:
-    site = Site()
-    site.ready_before = False
-    assert outcome(site)[0] == "updated"
-
-
-def test_without_a_cluster_the_change_proves_itself() -> None:
-    """The API is dead, and this is how to mend it."""
-    assert outcome(Site(), cluster=False)[0] == "updated"
-    assert outcome(Site({"new": "works"}), cluster=False)[0] == "rolled-back"
 
 
 @pytest.mark.parametrize(
@@ -502,8 +492,7 @@ def test_every_fault_at_every_call(bad: dict[str, str]) -> None:
         site.restore()
         site.holder = ""
         site.advance(60.0)
-        again = site.change()
-        assert again is not None
+        again = result(site)
         assert again.outcome == ("rolled-back" if bad else "updated"), (fault, at, found, again)
 
 
@@ -514,10 +503,7 @@ def test_only_what_was_well_before_is_asked_of_the_proof() -> None:
     site = Site()
     ward = Ward(site.robots[0], Settings(), HostCluster(site), World(SimulatedHost(site), site))
     (item, *_more) = app_objects(site.robots[0])
+    assert host_change.contract_name("") == "host-change"
     for wanted, there, well in (({"replicas": 2}, 1, False), ({"replicas": 2}, 2, True), ({}, 1, True), ({}, 0, False)):
         ward.live = Live([{**item, "spec": wanted, "status": {"availableReplicas": there}}])
         assert bool(ward.available()) is well, (wanted, there)
-
-
-def test_a_host_without_a_node_keeps_its_contract_under_a_name_of_its_own() -> None:
-    assert host_change.contract_name("") == "host-change"

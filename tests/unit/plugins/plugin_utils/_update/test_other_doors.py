@@ -13,25 +13,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
-    OLD,
-    SCENARIOS,
-    begin,
-    outcome_of,
-    settings,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    PROBE,
-    REGISTER,
-    START,
-    image,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
-    RESTARTED_APPS,
-    SimulatedHost,
-    Simulation,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import PROBE, REGISTER, START, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
 
 OVERLAP = ("overlap", "group", "launch", "launch-held")
 OTHERS = ("drain", "replace")
@@ -85,20 +70,6 @@ def test_a_version_that_was_found_good_is_restarted_by_hand_in_its_soak(name: st
     assert outcome_of(sim, wanted).outcome == "unchanged"
 
 
-@pytest.mark.parametrize("version", ["good", "half-the-rate", "crashes-when-ready"])
-@pytest.mark.parametrize("name", ["overlap", "group", "launch"])
-def test_a_restart_by_hand_at_every_call_of_a_run(name: str, version: str) -> None:
-    """Whatever becomes of that run, the next ones come to what they always come to."""
-    sim, wanted = begin(name, version)
-    sim.run(wanted, settings())
-    for at in range(1, len(sim.calls) + 1, 1 if version == "good" else 3):
-        sim, wanted = begin(name, version)
-        sim.run(wanted, settings(), RESTARTED_APPS, at)
-        sim.restore()
-        found = [outcome_of(sim, wanted).outcome for _time in range(2)]
-        assert found[-1] == ("unchanged" if version == "good" else "rolled-back"), (at, found)
-
-
 @pytest.mark.parametrize("name", [*OVERLAP, *OTHERS])
 def test_another_image_by_hand_is_put_right_through_a_step(name: str) -> None:
     sim, wanted = proven(name)
@@ -106,6 +77,7 @@ def test_another_image_by_hand_is_put_right_through_a_step(name: str) -> None:
         sim.change_by_hand(key, image("good", 77))
     assert_at_rest(sim)
     assert outcome_of(sim, wanted).outcome == "updated"
+    assert all(f"{app} was changed by hand" in sim.said for _namespace, app in sim.apps())
     assert "graph" in sim.calls  # through the gate
     assert_at_rest(sim)
     assert outcome_of(sim, wanted).outcome == "unchanged"

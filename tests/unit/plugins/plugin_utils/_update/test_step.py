@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Sent
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
@@ -27,7 +26,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     with_rates,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import (
     app,
     applied,
     entry,
@@ -35,7 +35,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.up
     planned,
     update_map,
 )
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 URI = "http://10.42.0.7:4000/"
 
@@ -82,9 +81,12 @@ def graph_of(step: Step, **more: Any) -> dict[str, Any]:
 
 def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> None:
     step = sensor_step()
-    gate = gate_of(step, graph_of(step), Live())
-    (new,) = step.new_nodes.values()
-    assert (gate.problems, gate.warnings, gate.calm) == ([], [], Calm([], []))
+    graph, (old,), (new,) = graph_of(step), step.old_nodes.values(), step.new_nodes.values()
+    foreign = {**graph["topics"]["/temperature"], "publishers": ["/listener"], "connections": [], "rates": {}}
+    # of another node, and what carries no rate of its own: a second of listening for nothing
+    graph["topics"] |= {"/other": foreign, "/rosout": {"publishers": [old]}}
+    gate = gate_of(step, graph, Live())
+    assert (gate.problems, gate.warnings, gate.calm, gate.nodes) == ([], [], Calm([], []), {old})
     conditions = proof(step, gate, 0.1)
     assert new in conditions["nodes"]
     assert conditions["edges"] == [
@@ -187,28 +189,8 @@ def test_what_a_launch_file_started_is_found_by_its_pods_address() -> None:
     assert proof_of_old(step, gate, 0.1)["nodes"] == ["/amcl", "/move_base"]
     assert gate.contracts["nav"].nodes == ("/amcl", "/move_base")  # which the pod's own probe looks for, too
     assert (step.patience, sensor_step().patience) == (60.0, 0.0)
-
-
-def test_the_hosts_own_address_tells_nothing() -> None:
-    pods = [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.8")]
-    assert gate_of(launch_step(), launch_graph(), Live(pods=pods)).calm.actions == []
-
-
-def test_rates_are_asked_of_what_the_step_replaces() -> None:
-    step = sensor_step()
-    graph = graph_of(step)
-    graph["topics"]["/other"] = {**graph["topics"]["/temperature"], "publishers": ["/listener"], "rates": {}}
-    assert gate_of(step, graph, Live()).nodes == {*step.old_nodes.values()}
-
-
-def test_what_carries_no_rate_of_its_own_is_not_listened_to() -> None:
-    """A second of listening on the robot, for nothing that anybody would hold the next version to."""
-    step = sensor_step()
-    (old,) = step.old_nodes.values()
-    graph = graph_of(step, actions={"/plan": served(old)})
-    (entry,) = graph["topics"].values()
-    graph["topics"] = {"/rosout": entry, "/plan/status": entry}
-    assert gate_of(step, graph, Live()).nodes == set()
+    host_network = [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.8")]
+    assert gate_of(step, launch_graph(), Live(pods=host_network)).calm.actions == []  # the host's address tells nothing
 
 
 def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
@@ -228,7 +210,8 @@ def applied_by(step: Step, graph: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
-    step = sensor_step()
+    earlier = [entry(robot(app("sensor", *image)), "sensor") for image in [(), *((f"x.org/a:{n}",) for n in range(9))]]
+    step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), update_map("sensor", earlier))
     objects = applied_by(step, graph_of(step))
     assert [item["metadata"]["name"] for item in objects] == ["sensor-update", "sensor"]
     contract = json.loads(objects[0]["data"]["contract.json"])
@@ -237,22 +220,14 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     assert "until" not in contract  # a version that nobody proved is no better for waiting
     assert contract["tolerance"] == 0.1
     assert contract["topics"]["/temperature"]["rate"] == 500.0
-    (kept,) = json.loads(objects[0]["data"]["history.json"])
+    kept, *others = json.loads(objects[0]["data"]["history.json"])
+    assert len(others) == HISTORY_KEPT - 1 == 4
+    assert kept["revision"] not in [one["revision"] for one in others]  # each once
     assert kept["deployment"] == step.previous["sensor"]
     assert kept["image"] == "example.org/app:1.0"
     notes = objects[-1]["metadata"]["annotations"]
     assert notes[names.ANNOTATION_UPDATING] == f"1000 {revision_of(objects[-1])}"
     assert "image ros-app image=example.org/app:1.0" in notes[BACK_TO].split("\n")
-
-
-def test_the_history_keeps_the_last_versions_each_once() -> None:
-    history = [entry(robot(app("sensor", f"x.org/a:{number}")), "sensor") for number in range(10, 20)]
-    again = entry(robot(app("sensor")), "sensor")
-    step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), update_map("sensor", [again, *history]))
-    kept = json.loads(applied_by(step, graph_of(step))[0]["data"]["history.json"])
-    assert len(kept) == HISTORY_KEPT == 5
-    assert [item["revision"] for item in kept].count(again["revision"]) == 1
-    assert kept[0]["revision"] == again["revision"]
 
 
 def test_a_third_version_holds_to_what_the_first_one_did() -> None:
@@ -320,31 +295,6 @@ def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
             "latched": ["/other"],
         }
     }
-
-
-def test_a_rate_is_that_of_a_node_which_was_started_anew_since() -> None:
-    def seen(uri: str, **more: Any) -> Graph:
-        topics = {"/scan": {"publishers": ["/lidar"], **more}}
-        return graph_from({"nodes": {"/lidar": node(uri=uri)}, "topics": topics})
-
-    found = with_rates(seen("http://b:2/"), seen("http://a:1/", rates={"/lidar": 40.0}, latched=["/lidar"]))
-    assert found == seen("http://b:2/", rates={"/lidar": 40.0}, latched=["/lidar"])
-
-
-def test_what_a_launch_file_of_rosbridge_starts_is_its_clients_affair() -> None:
-    def bridge(image: str) -> Robot:
-        words = ["roslaunch", "rosbridge_server", "rosbridge_websocket.launch"]
-        return robot(app("nav", image, command=words, readiness={"nodes": False}))
-
-    step, graph = step_of(bridge("x.org/a:1"), bridge("x.org/a:2")), launch_graph()
-    graph["topics"]["/map"] = {
-        "type": "nav_msgs/OccupancyGrid", "md5sum": "", "publishers": ["/sensor"], "subscribers": ["/amcl"],
-        "connections": [{"publisher": "/sensor", "subscriber": "/amcl"}],
-    }  # fmt: skip
-    gate = gate_of(step, graph, Live(pods=[pod("nav", "10.42.0.8")]))
-    beside = gate.contracts["nav"]
-    assert set(beside.nodes) == {"/amcl", "/move_base"}
-    assert not (beside.topics or beside.subscriptions or beside.services or beside.actions or beside.edges)
 
 
 def test_a_step_that_the_graph_says_nothing_of_proves_nothing_but_its_pod() -> None:
@@ -419,7 +369,7 @@ def test_a_node_of_which_two_must_not_be_there_is_refused_with_what_to_write() -
         "/move_base{} serves the action /move_base, of which two servers lose goals: list /move_base in launch.replace "
         "of nav, or in launch.overlap if two of it do no harm"
     )
-    alone = without(LAUNCH, "replace")
+    alone = {**LAUNCH, "replace": []}
     for launch, forbidden in ((alone, True), ({**alone, "overlap": ["move_base"]}, False)):
         step = overlapping(launch)
         gate = gate_of(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
@@ -439,10 +389,6 @@ def test_what_clients_ask_for_is_held_against_no_version_of_a_launch_file() -> N
     contract = gate.contracts["nav"]
     assert len(contract.nodes) == 2
     assert not (contract.topics or contract.subscriptions or contract.services or contract.actions or contract.edges)
-
-
-def without(launch: dict[str, Any], key: str) -> dict[str, Any]:
-    return {name: value for name, value in launch.items() if name != key}
 
 
 def test_a_pod_that_has_only_just_started_is_no_reason_to_ask_nothing_of_the_next_version() -> None:

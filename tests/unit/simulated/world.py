@@ -47,8 +47,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     Object,
     Seen,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_keeper import SimulatedKeeper
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+from ansible_collections.rosops.fleet.tests.unit.simulated.keeper import SimulatedKeeper
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import ADDRESSES, addressed, owned
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import (
     EPOCH,
     FOREVER,
     HOLD,
@@ -61,11 +62,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     kubernetes_hash,
     labels_of,
     template_of,
-)
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
-    ADDRESSES,
-    addressed,
-    owned,
 )
 
 DAY = 86400.0
@@ -548,26 +544,16 @@ class SimulatedCluster:
                 former = item["metadata"]["name"] == names.EXPORTER_NAME  # of an earlier collection
                 removed = former or sim.engine.settings.request.remove or item["kind"] != "Deployment"
                 assert dry_run or removed or key not in sim.before, f"{key} was there before this run, which deletes it"
+                assert removed or item["metadata"]["uid"] == "1", f"{key} is deleted, whichever one that is"
                 if not dry_run and sim.objects.pop(key, None) is not None:
                     sim.touched.add(key)
                     sim.watched -= {key[2]} if sim.engine.settings.request.remove else set()
                     sim.reconcile(deployment_key(item))
         return done
 
-    def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, timeout, whole=True, begun=True)
-
-    def wait(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, timeout)
-
-    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
-        self._wait(objects, timeout, whole=True, seconds=seconds)
-
-    def _wait(
-        self, objects: Sequence[Object], timeout: float, whole: bool = False, seconds: float = 0.0, begun: bool = False
-    ) -> None:
+    def wait(self, objects: Sequence[Object], timeout: float, stay: float | None = None, begun: bool = False) -> None:
         """`whole`: what ends before it is over, or has ended since the run began, is bad."""
-        sim = self.sim
+        sim, whole, seconds = self.sim, begun or stay is not None, stay or 0.0
         with sim.call("rollout", 0.1, loud=True):
             end, well = sim.time + timeout, FOREVER
             for pod in sim.pods:
@@ -620,10 +606,9 @@ class SimulatedHost:
         with self.sim.call("there", 0.2):
             pass
 
-    def bring(self, images: Sequence[str]) -> bool:
+    def bring(self, images: Sequence[str]) -> None:
         with self.sim.call("bring", 0.5):
             self.sim.brought = [*images]
-            return True
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         sim = self.sim
@@ -644,7 +629,7 @@ class SimulatedHost:
             ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, looks, sim.now, sim.advance)
             del master, fault
             unmet = [str(check) if check.kind == "value" else check.reason for check in ended.last.unmet]
-            return Seen(ended.verdict, "; ".join(unmet), ended.held)
+            return Seen(ended.verdict, "; ".join(unmet))
 
     def release(self, keeper: str, actions: Sequence[Object]) -> None:
         with self.sim.call("release", 0.7):

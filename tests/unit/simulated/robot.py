@@ -15,11 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import (
-    MasterState,
-    Questions,
-    everything,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions, everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,

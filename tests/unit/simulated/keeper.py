@@ -16,16 +16,10 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.admission import back_to
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
-    FOREVER,
-    Hold,
-    Pod,
-    kubernetes_hash,
-    labels_of,
-)
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, Hold, Pod, kubernetes_hash, labels_of
 
 if TYPE_CHECKING:
-    from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+    from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation
 
 
 def refused(there: Object, wanted: Object) -> set[str]:

@@ -12,10 +12,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation
 
 OLD = image("good", 0)
 
@@ -101,16 +101,14 @@ def running(sim: Simulation, app: str) -> list[str]:
     ]
 
 
-def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
-    found = sim.run(wanted, settings(**more))
-    assert found is not None
-    return found, sim.engine
-
-
-def outcome_of(sim: Simulation, wanted: Robot, **more: Any) -> RobotOutcome:
-    found = sim.run(wanted, settings(**more))
+def outcome_of(sim: Simulation, wanted: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome:
+    found = sim.run(wanted, settings(**more), fault, at)
     assert found is not None
     return found
+
+
+def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
+    return outcome_of(sim, wanted, **more), sim.engine
 
 
 MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]
