@@ -345,19 +345,20 @@ def run_command(command: list[str], seconds: float) -> str:
         child = Popen(command, stdout=PIPE, stderr=STDOUT, bufsize=0, start_new_session=True)  # noqa: S603 - the app's
     except OSError as error:
         return f"readiness.command cannot be run: {command[0]}: {error.strerror}"
-    said, end, status = b"", time.monotonic() + seconds, None
+    said, end, over = b"", time.monotonic() + seconds, False
     with child.stdout as output:  # type: ignore[union-attr] # it is a pipe
         os.set_blocking(output.fileno(), False)
-        while status is None:
+        while not over:
             time.sleep(PAUSE)
-            status = child.poll()
+            over = child.poll() is not None
             said = (said + (output.read(1 << 16) or b""))[-OUTPUT:]
-            if status is None and time.monotonic() > end:
+            if not over and time.monotonic() > end:
                 os.killpg(child.pid, signal.SIGKILL)
                 child.wait()
                 return f"readiness.command did not end within {seconds:g} s"
+    status = child.returncode
     if status == 0:
         return ""
     lines = said.decode("utf-8", "replace").strip().splitlines()
-    how = f"exited with {status}" if status > 0 else f"was ended by signal {-status}"
+    how = f"exited with {status}" if status > 0 else f"was ended by signal {abs(status)}"
     return f"readiness.command {how}" + (f": {lines[-1][:200]}" if lines else "")

@@ -71,5 +71,5 @@ class Windows:
     def _since(self, shown: timedelta) -> float:
         """When the clock shows that; what it shows twice is the first one."""
         local, turns = shown.total_seconds(), self.offsets
-        later = [now for (_, before), (since, now) in zip(turns, turns[1:]) if local >= since + max(before, now)]
+        later = [now for (_since, before), (since, now) in zip(turns, turns[1:]) if local >= since + max(before, now)]
         return local - [turns[0][1], *later][-1]
