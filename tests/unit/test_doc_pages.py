@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import SINGLE
 from imports import loaded
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -29,6 +30,11 @@ def test_every_page_is_in_the_index() -> None:
     there = {path.resolve() for path in [*DOCS.glob("*.md"), *CHECKOUT.glob("roles/*/README.md")]}
     listed = {(DOCS / name).resolve() for name in LINK.findall((DOCS / "index.md").read_text("utf-8"))}
     assert there - listed == {DOCS / "index.md"}
+
+
+def test_what_there_must_not_be_two_of_is_on_the_page_that_says_so() -> None:
+    packages = (DOCS / "apps.md").read_text("utf-8").partition("## Common packages")[2].partition("\n\nA ")[0]
+    assert {*SINGLE} - {*QUOTED.findall(packages)} == set()
 
 
 # --- links ------------------------------------------------------------------------------------------------------------

@@ -30,6 +30,7 @@ OURS = (
     "/run/rosops-fleet-k3s-agent.started",
     "/var/lib/rosops-fleet/log-shipper",
     "/var/lib/rosops-fleet/k3s-change.json",
+    "/var/lib/rancher/rosops-fleet-images.tar",  # an archive whose transfer was cut off
     *(f"{UNIT_DIRECTORY}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
 )
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from

@@ -99,7 +99,8 @@ FILES = (
     "etc/rancher/node/password", "usr/local/bin/k3s", "usr/local/bin/k3s.previous", "usr/local/bin/kubectl",
     "var/lib/rancher/k3s/server/db/state.db", "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/kubelet/config",
     "var/lib/rosops-fleet/log-shipper/queue", "var/lib/rosops-fleet/claims/mine",
-    "var/lib/cni/networks/cbr0/10.42.0.5", "var/lib/cni/networks/podman/10.88.0.5",
+    "var/lib/rancher/rosops-fleet-images.tar", "var/lib/cni/networks/cbr0/10.42.0.5",
+    "var/lib/cni/networks/podman/10.88.0.5",
     "var/lib/cni/results/cbr0-1a-eth0", "var/lib/cni/results/podman-2b-eth0", "proc/self/mounts",
     "sys/class/net/cni0/mtu",
 )  # fmt: skip
