@@ -291,7 +291,9 @@ class Forwarder(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        self.scene = Participants(self.hold.action, self.ros, self.slave.name)
+        scene = Participants(self.hold.action, self.ros, self.slave.name)
+        with self.lock:  # a tick sees one scene from its beginning to its end
+            self.scene = scene
 
     def run(self) -> None:
         looked = 0.0
