@@ -73,8 +73,9 @@ def load_settings(environ: Mapping[str, str]) -> Settings:
 
 
 def state_file(node: str) -> str:
-    """Named after the node: a volume on /tmp may be another pod's, too."""
-    return f"{SCRATCH}/{node.strip('/').replace('/', '.')}.json"
+    """Named after the node and its master: a volume on /tmp may be another pod's, too, be it another robot's."""
+    master = os.environ.get("ROS_MASTER_URI", "").rstrip("/").rpartition("/")[2]
+    return f"{SCRATCH}/{node.strip('/').replace('/', '.')}@{master}.json"
 
 
 def load_state(node: str) -> State:

@@ -40,10 +40,13 @@ def test_without_settings_a_pod_is_still_asked_for_its_node(text: str) -> None:
     assert kept.load_settings(environ).expect_node is True
 
 
-def test_state_is_kept_per_node_for_this_user_alone(scratch: Path) -> None:
+def test_state_is_kept_per_node_and_master_for_this_user_alone(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot1:11311")
     kept.save_state("/r1/a", State(pid=1))
     kept.save_state("/r1/b", State(pid=2))
     assert [kept.load_state(name).pid for name in ("/r1/a", "/r1/b", "/r1/c")] == [1, 2, None]
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot2:11311/")  # its pod with the same volume has another node
+    assert kept.load_state("/r1/a") == State()
     assert (scratch / "scratch").stat().st_mode & 0o777 == 0o700
 
 
