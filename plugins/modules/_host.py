@@ -19,7 +19,7 @@ options:
         what begins with C(k3s) for P(rosops.fleet.k3s#role), what begins with C(ros) for updates.
     type: str
     choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove,
-              ros_hold, ros_release, ros_register, ros_reap, ros_watch]
+              ros_graph, ros_ready, ros_hold, ros_release, ros_register, ros_reap, ros_watch]
     required: true
   arguments:
     description: What the job takes.
@@ -61,7 +61,7 @@ from ..module_utils._host.k3s import (
 )  # fmt: skip
 from ..module_utils._host.k3s_change import NEXT, K3sChange
 from ..module_utils._host.k3s_remove import Remover
-from ..module_utils._ros import idle_robot, registrar, traffic
+from ..module_utils._ros import jobs, traffic
 
 LOOKS = 0.5  # seconds from one look to the next
 JOURNAL_LINES = 15
@@ -169,10 +169,7 @@ JOBS = {
     "k3s_remove": k3s_remove,
 }
 ROS_JOBS = {  # which need nothing of the module; in check mode the engine has none of them done that changes something
-    "ros_hold": idle_robot.hold,
-    "ros_release": idle_robot.release,
-    "ros_register": registrar.register,
-    "ros_reap": registrar.reap,
+    **{f"ros_{name}": job for name, job in jobs.JOBS.items()},
     "ros_watch": traffic.watch,
 }
 

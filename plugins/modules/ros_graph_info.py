@@ -70,13 +70,6 @@ options:
     type: list
     elements: str
     default: []
-  service_connections:
-    description:
-      - Count the connections that clients keep open to the services. It takes half a second, and no ROS node notices.
-      - They are read from the socket tables of this host, so only services whose provider runs on it are counted, in
-        network namespaces of their own (pods) only by root.
-    type: bool
-    default: false
 extends_documentation_fragment: rosops.fleet._ros
 seealso:
   - module: rosops.fleet.ros_ready
@@ -95,8 +88,6 @@ EXAMPLES = r"""
     rates: true
     rate_nodes: [/temperature_publisher]
     md5sums: true
-    service_connections: true
-  become: true
   register: before
 
 - name: Show what is registered but does not answer
@@ -136,15 +127,11 @@ graph:
                    subscribers: [/listener], connections: [{publisher: /talker, subscriber: /listener}],
                    rate: 499.8, rates: {/talker: 499.8}, unsteady: {}, latched: [], rate_error: ""}
     services:
-      description:
-        - By name, who registered it, and who answers at its address (C(provider)).
-        - C(connections) is how many connections clients keep open to the provider, over all services of that node, as
-          they share a port. Those of its topics do not count. A call that takes longer than half a second looks the
-          same. It is null where it was not asked for or cannot be told.
+      description: By name, who registered it, and who answers at its address (C(provider)).
       type: dict
       sample:
         /add_two_ints: {providers: [/adder], uri: "rosrpc://10.42.1.9:40133", provider: /adder, error: "",
-                        type: example/AddTwoInts, md5sum: 6a2e34150c00229791cc89ff309fff21, up: true, connections: 0}
+                        type: example/AddTwoInts, md5sum: 6a2e34150c00229791cc89ff309fff21, up: true}
     actions:
       description: By name, the actions that have a whole server, with the number of listed goals by state.
       type: dict
@@ -171,79 +158,19 @@ elapsed:
   type: float
 """
 
-import time
-
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError
-from ..module_utils._host.service_sockets import ServiceConnections
-from ..module_utils._ros.backend import around, everything
-from ..module_utils._ros.bus_stats import rates as counted
-from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.graph import Graph, Rate, host_of
-from ..module_utils._ros.graph_json import graph_data
-from ..module_utils._ros.roslaunch import children, row
-
-INFO_ARGS = {
-    "nodes": {"type": "list", "elements": "str", "default": []},
-    "rates": {"type": "bool", "default": False},
-    "rate_source": {"type": "str", "choices": ["messages", "counters"], "default": "messages"},
-    "rate_topics": {"type": "list", "elements": "str"},
-    "rate_nodes": {"type": "list", "elements": "str", "default": []},
-    "rate_seconds": {"type": "float", "default": 2.0},
-    "md5sums": {"type": "bool", "default": False},
-    "definitions": {"type": "bool", "default": False},
-    "launch_hosts": {"type": "list", "elements": "str", "default": []},
-    "service_connections": {"type": "bool", "default": False},
-}
-
-
-def read(ros: Ros1Client, params: Data) -> Data:
-    """The graph, and what was asked for beside it."""
-    sockets = ServiceConnections() if params["service_connections"] else None
-    state = ros.state(types=True)
-    graph = ros.ask(state, around(state, params["nodes"]) if params["nodes"] else everything(state))
-    heard = graph.heard(params["rate_nodes"])
-    found = graph.measured(
-        rates(ros, heard, params) if params["rates"] else {},
-        ros.handshakes(graph, heard.topics) if params["md5sums"] else {},
-        sockets.count(graph) if sockets else {},
-    )
-    return {**graph_data(found, params["definitions"]), "launched": launched(ros, graph, params)}
-
-
-def launched(ros: Ros1Client, graph: Graph, params: Data) -> list[Data]:
-    """What launch files have started in the pods of the wanted nodes, or of all, and in those that are named.
-
-    Only there: an address of a pod that is gone would be waited for, and nobody takes it from the parameter server.
-    """
-    wanted = [node for name in params["nodes"] or graph.names for node in graph.named(name)]
-    hosts = {*params["launch_hosts"], *(host_of(node.uri) for node in wanted)}
-    return [row(child, graph) for child in children(ros, hosts)]
-
-
-def rates(ros: Ros1Client, heard: Graph, params: Data) -> dict[str, Rate]:
-    """The rates of what is wanted of the publishers that are heard, by topic."""
-    named = heard.topics if params["rate_topics"] is None else params["rate_topics"]
-    wanted, seconds = [name for name in named if name in heard.topics], float(params["rate_seconds"])
-    if params["rate_source"] == "counters":
-        return counted(ros, heard, wanted, seconds)
-    return ros.rates(heard, dict.fromkeys(wanted, seconds), patient=True)
+from ..module_utils._ros.client import ROS_ARGS
+from ..module_utils._ros.jobs import INFO_ARGS, graph
 
 
 def main() -> None:
     module = AnsibleModule(argument_spec={**ROS_ARGS, **INFO_ARGS}, supports_check_mode=True)
-    params = module.params
-    if not 0 < params["rate_seconds"] <= 3600:
-        module.fail_json(msg=f"rate_seconds: {params['rate_seconds']} is not between 0 and 3600 s")
-    start = time.monotonic()
     try:
-        ros = Ros1Client(params["master_uri"], params["node_timeout"])
-        graph = read(ros, params)
+        module.exit_json(**graph(module.params))
     except FleetError as error:
         module.fail_json(msg=str(error), **error.details)
-    module.exit_json(changed=False, graph=graph, elapsed=round(time.monotonic() - start, 3))
 
 
 if __name__ == "__main__":

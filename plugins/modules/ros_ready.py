@@ -110,64 +110,24 @@ checks:
       observed: {type: std_msgs/String, missing: [/listener_c], connections: 2}
 """
 
-from dataclasses import asdict
-
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError
-from ..module_utils._common.poll import PASS, Polled, Seen, poll
-from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS, conditions_from
-from ..module_utils._ros.gate import Look, Silence, look
-from ..module_utils._ros.listener import Listener
-
-
-def result_of(ended: Polled) -> Data:
-    """What the module returns, whichever way the poll ended."""
-    last: Look = ended.last
-    return {
-        "changed": False,
-        "ready": ended.verdict == PASS,
-        "verdict": ended.verdict,
-        "elapsed": round(ended.elapsed, 3),
-        "looks": ended.looks,
-        "held": round(ended.held, 3),
-        "checks": [asdict(check) for check in last.checks],
-    }
-
-
-def message_of(ended: Polled, consecutive: int, stable: float) -> str:
-    """Every condition that is not met, in one message."""
-    last: Look = ended.last
-    took = f"after {ended.elapsed:.1f} s"
-    if not last.unmet and ended.passes >= consecutive:
-        return f"The ROS graph was ready for {ended.held:.1f} of {stable:g} s without a break {took}"
-    if not last.unmet:
-        return f"The ROS graph was ready in {ended.passes} of {consecutive} looks in a row {took}"
-    verb = "is not ready" if ended.timed_out else "cannot become ready"
-    return f"The ROS graph {verb} {took}: " + "; ".join(str(check) for check in last.unmet)
+from ..module_utils._ros.client import ROS_ARGS
+from ..module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
+from ..module_utils._ros.jobs import ready
 
 
 def main() -> None:
     spec = {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS, **VALUE_ARGS}
     module = AnsibleModule(argument_spec=spec, supports_check_mode=True)
-    params = module.params
     try:
-        conditions = conditions_from(params)
-        ros, silence = Ros1Client(params["master_uri"], params["node_timeout"]), Silence()
-        ears = Listener(ros, conditions.values).checks if conditions.values else None
-
-        def probe() -> Seen:
-            seen = look(ros, conditions, silence, ears)
-            return Seen(seen.verdict, seen)
-
-        ended = poll(probe, params["timeout"], params["interval"], params["consecutive"], stable=params["stable"])
+        result = ready(module.params)
     except FleetError as error:
         module.fail_json(msg=str(error), ready=False, verdict="fail", elapsed=0.0, looks=0, checks=[], **error.details)
-    if ended.verdict != PASS:
-        module.fail_json(msg=message_of(ended, params["consecutive"], params["stable"]), **result_of(ended))
-    module.exit_json(**result_of(ended))
+    if not result["ready"]:
+        module.fail_json(**result)
+    module.exit_json(**result)
 
 
 if __name__ == "__main__":

@@ -184,27 +184,6 @@ def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphSce
     until("what proves that it would have said so", woken)
 
 
-def test_persistent_service_connections_are_told_from_calls_and_from_topics(scene: GraphScene) -> None:
-    scene.start("chatter", "/adder", "20")
-    for number in range(3):  # topic connections at the very port that serves the service
-        scene.start("hearer", f"/listener_{number}", "/chatter")
-    heard = [edge("/adder", "/chatter", f"/listener_{number}") for number in range(3)]
-    assert scene.wait({"edges": heard, "services": [{"name": "/trigger"}]}, 60).unmet == []
-
-    def seen() -> Any:
-        return scene.read(service_connections=True)["services"]["/trigger"]["connections"]
-
-    assert seen() == 0
-    scene.start("caller", "/plain_caller")
-    until("the caller", lambda: "/plain_caller" in scene.read()["nodes"])
-    assert [seen() for _look in range(3)] == [0, 0, 0]  # it calls all the time
-    scene.start("caller", "/persistent_caller", "/trigger", "persistent")
-    until("its connection", lambda: seen() == 1)
-    scene.stop("/persistent_caller", kill=True)
-    until("its end", lambda: seen() == 0)
-    assert scene.read()["services"]["/trigger"]["connections"] is None
-
-
 def test_what_messages_say_by_nodes_that_are_not_told_of_us(scene: GraphScene) -> None:
     scene.start("robot", "/robot", "0.5")
     scene.relay("relay", "/speed", "/relayed")  # a roscpp publisher

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The door: whether a robot may be changed now, its graph and its apps, over HTTP and as JSON.
 
-It is only asked. Who holds a robot writes its Lease, and the API server says whether he may: so there is nothing here
-that would have to be guarded from other pods. docs/other-updaters.md is its manual.
+Who changes a robot has its Lease, which the API server gives to whoever may write it. So a question needs no guard, and
+a job that changes something names the holder of the Lease, whom other pods do not know. docs/other-updaters.md is the
+manual of the questions; the jobs are for updates alone.
 """
 
 from __future__ import annotations
@@ -20,18 +21,20 @@ from .._ros.backend import Questions, everything
 from .._ros.conditions import conditions_from
 from .._ros.graph_json import graph_data
 from .._ros.idle_robot import IdleRobot, hold_when_idle
+from .._ros.jobs import JOBS
 from .._ros.raw_node import Asked, Said
 from .._step.objects import Object, holder_of, name_of, node_of, revision_of, suffix_of, version_of
 from .._step.record import answer, soaks
 from .._step.rest import MARGIN, actions_to_rest, nodes_below, own_nodes
 from .._step.windows import Windows
-from .._step.words import FLEET, OWNER, REST, REST_KEY
+from .._step.words import FLEET, JOBS_PATH, OWNER, PATH, REST, REST_KEY
 from .cluster_api import read_records
 from .holds import Holds
 
-PATH = "/v1/"
 INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
+JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn
+CHANGING = ("register", "reap", "release")  # jobs; one that holds goals says so by the address of a keeper
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
 
 
@@ -72,24 +75,54 @@ class Door:
         self.holds, self.cluster, self.ros = holds, holds.cluster, holds.ros
         self.left_over, self.sleep = left_over, sleep
         self.turns = threading.BoundedSemaphore(AT_ONCE)
+        self.jobs = threading.BoundedSemaphore(JOBS_AT_ONCE)
 
     def page(self, asked: Asked) -> Said:
-        if asked.method != "GET":
+        job = asked.method == "POST" and asked.path.startswith(JOBS_PATH)
+        if asked.method != "GET" and not job:
             return _json(405, {"error": "only GET is answered here"})
-        if not self.turns.acquire(blocking=False):
-            return _json(503, {"error": f"{AT_ONCE} others ask just now"})
+        turns, limit = (self.jobs, JOBS_AT_ONCE) if job else (self.turns, AT_ONCE)
+        if not turns.acquire(timeout=TURN if job else 0.0):
+            return _json(503, {"error": f"{limit} others ask just now"})
         try:
-            return _json(200, self._found(asked))
+            return _json(200, self._done(asked) if job else self._found(asked))
         except FleetError as error:
             return _json(404 if isinstance(error, SpecError) else 503, {"error": str(error)})
         finally:
-            self.turns.release()
+            turns.release()
 
-    def _found(self, asked: Asked) -> Data:
-        query, name = asked.query, asked.path[len(PATH) :]
-        namespace = query.get("namespace") or self.cluster.home
+    def _namespace(self, asked: Asked) -> str:
+        """That of the robot which is asked about."""
+        namespace = asked.query.get("namespace") or self.cluster.home
         if namespace not in self.cluster.namespaces():
             raise SpecError(f"this keeper does not look after {namespace}")
+        return namespace
+
+    def _done(self, asked: Asked) -> Data:
+        """The result of a job, as a module's: one that failed says so in `failed` and `msg`."""
+        name, namespace = asked.path[len(JOBS_PATH) :], self._namespace(asked)
+        if name not in JOBS:
+            raise SpecError(f"there is no {asked.path}")
+        try:
+            arguments = {**json.loads(asked.body), "master_uri": self.ros.uri}
+        except (TypeError, ValueError) as error:
+            raise SpecError(f"what {asked.path} is given is no JSON object: {error}") from None
+        if "keeper_uri" in arguments:
+            arguments["keeper_uri"] = self.holds.keeper.uri
+        try:
+            if name in CHANGING or "keeper_uri" in arguments:
+                self._permit(namespace, asked.query.get("holder", ""))
+            return JOBS[name](arguments)
+        except FleetError as error:
+            return {**error.details, "failed": True, "msg": str(error)}
+
+    def _permit(self, namespace: str, holder: str) -> None:
+        now = holder_of(self.cluster.lease(namespace, newest=True))
+        if not now or now != holder:
+            raise FleetError(f"{now or 'nobody'} changes this robot now, and not {holder or 'who asks'}")
+
+    def _found(self, asked: Asked) -> Data:
+        query, name, namespace = asked.query, asked.path[len(PATH) :], self._namespace(asked)
         if name == "may-change":
             return self.may_change(namespace, query.get("app", ""), query.get("owner", ""))
         if name == "apps":

@@ -21,9 +21,9 @@ from .._ros.keeper_client import KeeperCalls
 from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
-from .._step.words import FLEET, KEEPER_PORT
+from .._step.words import FLEET, KEEPER_PORT, PATH
 from .cluster_api import ACCOUNT, Cluster, in_cluster
-from .door import PATH, Door
+from .door import Door
 from .goal_forwarding import SWITCHED_OFF, GoalForwarding
 from .holds import Holds
 from .keeper import Keeper, Lifeline

@@ -195,12 +195,9 @@ class Topic:
 
 @dataclass(frozen=True)
 class Service:
-    """`connections`: how many its clients keep open; None where nobody asked for it, or it cannot be told."""
-
     name: str
     providers: Keys = ()
     probe: ServiceProbe | None = None
-    connections: int | None = None
 
     @property
     def up(self) -> bool:
@@ -371,13 +368,11 @@ class Graph:
         self,
         rates: Mapping[str, Rate],
         handshakes: Mapping[str, Handshake] | None = None,
-        connections: Mapping[str, int] | None = None,
     ) -> Graph:
-        """The graph with rates and handshakes of topics, and the number of connections of services."""
-        said, open_ = handshakes or {}, connections or {}
+        """The graph with rates and handshakes of topics."""
+        said = handshakes or {}
         topics = {name: _measured(topic, rates.get(name), said.get(name)) for name, topic in self.topics.items()}
-        services = {name: replace(one, connections=open_.get(name)) for name, one in self.services.items()}
-        return replace(self, topics=topics, services=services)
+        return replace(self, topics=topics)
 
 
 def _by_revision(node: Node) -> Node:

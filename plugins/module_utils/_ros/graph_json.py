@@ -65,7 +65,7 @@ def graph_from(data: Document) -> Graph:
         return Action(name, one.get("type") or "", servers, clients, _statuses_of(one, servers))
 
     def service(name: str, one: Document) -> Service:
-        return Service(name, keys(one.get("providers")), _probe_of(one), one.get("connections"))
+        return Service(name, keys(one.get("providers")), _probe_of(one))
 
     return Graph(
         {node.key: node for node in nodes.values()},
@@ -105,7 +105,7 @@ def _topic_data(topic: Topic, definitions: bool) -> Data:
 
 def _service_data(service: Service) -> Data:
     said = asdict(service.said)
-    return {"providers": names_of(service.providers), **said, "up": service.up, "connections": service.connections}
+    return {"providers": names_of(service.providers), **said, "up": service.up}
 
 
 def _probe_of(data: Document) -> ServiceProbe | None:

@@ -31,6 +31,8 @@ WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, t
 MASTER = "ros-master"
 KEEPER = "ros-keeper"
 KEEPER_PORT = 11411
+PATH = "/v1/"  # of its door
+JOBS_PATH = f"{PATH}jobs/"
 # a run's, or the keeper's, while it changes the robot
 LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed

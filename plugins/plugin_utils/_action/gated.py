@@ -23,7 +23,7 @@ from .._model.outcomes import FAILED, UNCHANGED
 from .._update.change import NOTHING, word_of
 from .._update.cluster import KubeCluster, robots_on, run_name
 from .._update.hands import Settings, World, look_seconds
-from .._update.host import ModuleHost
+from .._update.host import RobotSide
 from .._update.host_change import HostChange, Place, Work
 from .._update.ledger import Ledger
 from .._update.outcome import WAITING, RobotOutcome, StepResult
@@ -61,13 +61,13 @@ class GatedAction(ClusterAction):
         return KubeCluster(kube, self.say(known), run_name(known))
 
     def world(self, known: Variables, bring: Callable[[RobotHost, Sequence[str]], None] = lambda *_: None) -> World:
-        """The task's host, asked through the collection's modules, its clock, and whoever listens to it."""
+        """The task's host, its clock, and whoever listens to it."""
         there = RobotHost(self, known)
 
-        def module(name: str, arguments: Arguments) -> Result:
-            return there.module(f"rosops.fleet.{name}", arguments)
+        def job(name: str, arguments: Arguments) -> Result:
+            return there.job(f"ros_{name}", arguments)
 
-        host = ModuleHost(there.there, module, functools.partial(bring, there))
+        host = RobotSide(there.there, job, functools.partial(bring, there))
         stand = functools.partial(voice.stand, known["inventory_hostname"])
         return World(host, MonotonicClock(), self.say(known), stand)
 

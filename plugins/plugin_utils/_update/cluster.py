@@ -18,11 +18,12 @@ from .._kube.applied import Applied
 from .._kube.cache import Ref, parse_refs
 from .._kube.client import Kube, ref_of
 from .._kube.connection import ApiError
+from .._kube.door import KeeperDoor
 from .._kube.lease import Lease
 from .._kube.pods import condition
 from .._kube.wait import WaitOptions, wait_for_rollout
 from .._model import names
-from .._model.context import Robot
+from .._model.context import Robot, master_namespace
 from .._objects.namespace import needs_fleet_namespace
 from .world import HeldError, Live, LostError, Object, ticking
 
@@ -71,6 +72,9 @@ class KubeCluster:
 
     def read(self, namespaces: Iterable[str]) -> Live:
         return live_in(self._kube, namespaces)
+
+    def door(self, robot: Robot) -> KeeperDoor:
+        return KeeperDoor(self._kube, master_namespace(robot), robot.namespace, self._holder)
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:

@@ -20,7 +20,7 @@ from .._objects.common import Files
 from .._objects.namespace import needs_fleet_namespace
 from .._objects.pod_settings import promised
 from .cluster import KubeCluster
-from .host import ModuleHost
+from .host import RobotSide
 from .outcome import EVENTS_NAME, StepResult, events_map
 from .plan import Request
 from .revisions import read_records
@@ -70,7 +70,7 @@ class World:
     `say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands.
     """
 
-    host: ModuleHost
+    host: RobotSide
     clock: MonotonicClock
     say: Callable[[str], None] = lambda _text: None
     trace: Callable[[str], None] = lambda _text: None
@@ -81,8 +81,8 @@ class Hands:
 
     def __init__(self, robot: Robot, settings: Settings, cluster: KubeCluster, world: World) -> None:
         self.robot, self.settings, self.cluster, self.world = robot, settings, cluster, world
-        self.host, self.clock, self.check = world.host, world.clock, settings.check
-        self.say, self.trace = world.say, world.trace
+        self.clock, self.check, self.say, self.trace = world.clock, settings.check, world.say, world.trace
+        self.host = world.host.by(cluster.door(robot), self.trace)
         self.live, self.graph = Live(), NO_GRAPH
         self.registered = NO_GRAPH  # the same with the names that nodes have in their pods
         self.recorded = False  # the graph is known

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...module_utils._ros import contract as ros_contract
 from ...module_utils._ros.contract import NOTHING, Contract
-from ...module_utils._ros.graph import Graph, NodeKey, host_of, names_of
+from ...module_utils._ros.graph import Graph, NodeKey, host_of
 from ...module_utils._ros.names import is_keeper, is_tool
 from ...module_utils._step.objects import app_of, crashes
 from ...module_utils._step.record import Record
@@ -63,7 +63,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     return Gate(
         _contracts(step, graph, own, kept, follows),
         [*_problems(step, graph, own), *_images_missing(step, images or {})],
-        [*_warnings(graph, nodes, down), *_nameless(graph, live.pods)],
+        [*_down(down), *_nameless(graph, live.pods)],
         Calm([*resting, *_silent(proven, live.pods, graph)], step.when, step.windows),
         [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
@@ -209,17 +209,10 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
     return problems
 
 
-def _warnings(graph: Graph, nodes: Collection[str], down: Mapping[str, Sequence[str]]) -> list[str]:
-    """What is down, and what the step cannot keep from being noticed: connections that clients cannot renew."""
-    found = [
+def _down(down: Mapping[str, Sequence[str]]) -> list[str]:
+    return [
         f"{', '.join(missing)} of {app} does not answer: the next version is held to what was proven of this one"
         for app, missing in down.items()
-    ]
-    return found + [
-        f"service {name} of {', '.join(names_of(one.providers))} has {one.connections} open connections: calls "
-        "under way, or a persistent ServiceProxy, which does not reconnect by itself: its client fails until made anew"
-        for name, one in sorted(graph.services.items())
-        if {*nodes} & {*names_of(one.providers)} and one.connections
     ]
 
 

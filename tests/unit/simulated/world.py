@@ -492,6 +492,9 @@ class SimulatedCluster:
         self.sim, self.claimed = sim, False
         self.earlier: dict[int, int] = {}  # by pod, restarts that are not this run's
 
+    def door(self, _robot: Robot) -> None:
+        """The simulated host answers for the keeper, too."""
+
     def read(self, namespaces: Iterable[str]) -> Live:
         with self.sim.call("read", 0.2):
             found: dict[str, list[Object]] = {"Deployment": [], "ConfigMap": [], "Service": []}
@@ -601,6 +604,9 @@ class SimulatedHost:
 
     def __init__(self, sim: Simulation) -> None:
         self.sim = sim
+
+    def by(self, _door: None, _trace: Callable[[str], None]) -> SimulatedHost:
+        return self
 
     def there(self) -> None:
         with self.sim.call("there", 0.2):

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Handshake, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
@@ -44,23 +45,18 @@ class FakeMaster:
         return {name: Handshake(a, "99", name == "/chatter", "string data") for name in topics if name in graph.topics}
 
 
-class FakeSockets:
-    def count(self, graph: Graph) -> dict[str, int]:
-        return dict.fromkeys(graph.services, 1)
-
-
 Run = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
     """The module with these options, at a master that fails with `error`."""
-    monkeypatch.setattr(ros_graph_info, "Ros1Client", FakeMaster)
+    monkeypatch.setattr(jobs, "Ros1Client", FakeMaster)
 
     def children(_ros: Any, hosts: set[str]) -> list[Child]:
         return [child for child in [FakeMaster.launched] if child.host in hosts]
 
-    monkeypatch.setattr(ros_graph_info, "children", children)
+    monkeypatch.setattr(jobs, "children", children)
 
     def called(error: str = "", **params: Any) -> dict[str, Any]:
         monkeypatch.setattr(FakeMaster, "error", error)
@@ -131,7 +127,7 @@ def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(run: Run) -> N
 
 def test_rates_by_counters_subscribe_to_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeMaster, "rates", None)
-    monkeypatch.setattr(ros_graph_info, "counted", lambda _ros, _graph, topics, seconds: {
+    monkeypatch.setattr(jobs, "counted", lambda _ros, _graph, topics, seconds: {
         "/chatter": Rate(100.0, int(100 * seconds), seconds),
         "/rosout": Rate(0.5, 1, seconds, few=True),
     } if "/chatter" in topics else {})  # fmt: skip
@@ -147,14 +143,6 @@ def test_md5sums_and_definitions(run: Run) -> None:
     assert {name: topic["latched"] for name, topic in topics.items() if topic["latched"]} == {"/chatter": ["/talker_a"]}
     topics = run(md5sums=True, definitions=True)["graph"]["topics"]
     assert {topic["definition"] for topic in topics.values()} == {"string data"}
-
-
-def test_service_connections(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    services = run()["graph"]["services"]
-    assert {service["connections"] for service in services.values()} == {None}
-    monkeypatch.setattr(ros_graph_info, "ServiceConnections", FakeSockets)
-    services = run(service_connections=True)["graph"]["services"]
-    assert {service["connections"] for service in services.values()} == {1}
 
 
 @pytest.mark.parametrize("seconds", [0, -1, 1e9, float("nan")])

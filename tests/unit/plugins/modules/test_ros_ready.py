@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
@@ -57,7 +58,7 @@ Run = Callable[..., dict[str, Any]]
 def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
     """The module with these options, where the master's looks see these graphs."""
 
-    monkeypatch.setattr(ros_ready, "Ros1Client", FakeMaster)
+    monkeypatch.setattr(jobs, "Ros1Client", FakeMaster)
     monkeypatch.setattr(FakeMaster, "made", [])
 
     def called(graphs: list[Graph | str], **params: Any) -> dict[str, Any]:

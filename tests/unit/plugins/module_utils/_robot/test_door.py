@@ -8,7 +8,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import door
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import AT_ONCE, UNTOLD
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.jobs import JOBS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import (
     OTHERS,
@@ -256,3 +259,68 @@ def test_what_goes_wrong_after_it_was_taken_gives_it_back(world: World, may: Say
     world.send = fails  # type: ignore[method-assign]
     assert may(*HOLD) == (1, "answered 500: the door is away")
     assert (world.holder, world.held_until) == ("", {})
+
+
+# --- jobs of an update ------------------------------------------------------------------------------------------------
+
+
+def post(world: World, name: str, body: Any, **query: str) -> tuple[int, Any]:
+    data = body if isinstance(body, bytes) else json.dumps(body).encode()
+    said = world.door.page(Asked("POST", f"/v1/jobs/{name}", query, body=data))
+    return said.status, json.loads(said.body)
+
+
+@pytest.fixture
+def jobs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
+    """Those that were done, with their arguments."""
+    done: list[tuple[str, Any]] = []
+    made = {name: lambda given, name=name: {"done": done.append((name, dict(given)))} for name in JOBS}
+    monkeypatch.setattr(door, "JOBS", made)
+    return done
+
+
+def test_questions_of_an_update_are_answered_to_whoever_asks(world: World, jobs: list[tuple[str, Any]]) -> None:
+    for name in ("graph", "ready", "hold"):
+        assert post(world, name, {"master_uri": "http://elsewhere", "timeout": 1.0})[0] == 200
+    assert jobs == [(name, {"master_uri": world.uri, "timeout": 1.0}) for name in ("graph", "ready", "hold")]
+
+
+CHANGES = [("register", {}), ("reap", {}), ("release", {"keeper_uri": "x"}), ("hold", {"keeper_uri": "x"})]
+
+
+@pytest.mark.parametrize(("name", "given"), CHANGES)
+def test_a_change_is_done_for_the_holder_of_the_lease_alone(
+    world: World, jobs: list[tuple[str, Any]], name: str, given: dict[str, Any]
+) -> None:
+    me = "host 1, process 2 (ab12)"
+    assert post(world, name, given, holder=me) == (
+        200,
+        {"failed": True, "msg": f"nobody changes this robot now, and not {me}"},
+    )
+    lease_of(OTHERS, world)
+    for holder in (me, ""):
+        assert post(world, name, given, holder=holder)[1]["failed"]
+    assert jobs == []
+    lease_of(me, world)
+    assert post(world, name, given, holder=me)[0] == 200
+    assert [one for one, _given in jobs] == [name]
+    assert jobs[0][1].get("keeper_uri") == (world.uri if given else None)  # its own, whatever is said
+
+
+def test_what_is_no_job(world: World, jobs: list[tuple[str, Any]]) -> None:
+    assert post(world, "reboot", {})[0] == 404
+    assert post(world, "graph", b"[1")[0] == 404
+    assert post(world, "graph", [1])[0] == 404
+    assert post(world, "graph", {}, namespace="robot-robot2") == (
+        404,
+        {"error": "this keeper does not look after robot-robot2"},
+    )
+    assert jobs == []
+
+
+def test_what_goes_wrong_in_a_job_is_its_result(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_given: Any) -> Any:
+        raise RosError("the master does not answer", looks=3)
+
+    monkeypatch.setattr(door, "JOBS", {"graph": fails})
+    assert post(world, "graph", {}) == (200, {"failed": True, "msg": "the master does not answer", "looks": 3})

@@ -187,6 +187,12 @@ class Quiet:
     def __init__(self) -> None:
         self.held: set[str] = set()
 
+    def door(self, _robot: Robot) -> None:
+        pass
+
+    def by(self, _door: None, _trace: Callable[[str], None]) -> Quiet:
+        return self
+
     def now(self) -> float:
         return 0.0
 

@@ -121,15 +121,6 @@ def test_a_node_that_has_the_new_name_already_forbids_the_step() -> None:
     assert gate_of(step, graph, Live()).problems == []
 
 
-def test_an_open_service_connection_is_a_warning() -> None:
-    step = sensor_step()
-    graph = graph_of(step)
-    graph["services"]["/calibrate"]["connections"] = 2
-    (warning,) = gate_of(step, graph, Live()).warnings
-    assert "/calibrate" in warning
-    assert "2 open connections" in warning
-
-
 def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
     def fleet(image: str) -> Robot:
         return robot(
