@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is asked of a robot's ROS graph, and done to it, for whoever is no part of it: an update's step, a module's user.
+"""What is asked of a robot's ROS graph, and done to it: by the steps of an update, and by users of modules.
 
 The keeper's door does it in the keeper, the collection's modules do it on the robot's host. Arguments and results are
 those of modules: plain data, with the address of the master in `master_uri`. FleetError where it cannot be done.
