@@ -42,15 +42,20 @@ LEAST = 1.0  # seconds between connections: one that hangs up at once would be c
 class Keeper:
     """Keeps one graph's registrations and parameters."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the clock is the price of tests that never wait
         self,
         ros: Registrar,
         kept: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         uri: str = "",
+        keeps: bool = True,
     ) -> None:
-        """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change."""
+        """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change.
+
+        Not `keeps`: the master is somebody else's. It is only looked at, and nothing is given back to it by itself.
+        """
+        self.keeps = keeps
         self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
         self.restarted_at = -math.inf  # when another master was seen than this process had seen before, by `now`
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
@@ -61,7 +66,7 @@ class Keeper:
         self.params_at, self.params_kept = 0.0, True
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
-        self.complete = bool(self.memory.master and self.params)
+        self.complete = bool(self.memory.master and self.params) or not keeps
         self.away = ""
         self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}
@@ -82,7 +87,7 @@ class Keeper:
             self.away = str(error)
             self.state = None
             return AWAY
-        self.complete = bool(self.params)
+        self.complete = bool(self.params) or not self.keeps
         held, quiet = self.held(), self.now() - self.restless >= QUIET
         return REST if held and quiet and not (self.memory.missed or self.memory.suspects) else LOOK
 
@@ -127,6 +132,10 @@ class Keeper:
         news = self._register(system, now, restarted) or bool(self.memory.missed)
         if restarted:
             self.restarted_at = now if known else self.restarted_at  # else its host was booted, and all pods with it
+        if not self.keeps:
+            self.memory.nodes = {node: entry for node, entry in self.memory.nodes.items() if node in self.present}
+            return
+        if restarted:
             self._replay(now)
         else:
             # what the master lost without a restart, as a service whose last provider left while an earlier lives
@@ -141,7 +150,7 @@ class Keeper:
 
     def _keep_params(self, now: float) -> None:
         due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
-        if due or self.told_by != self.memory.master:
+        if self.keeps and (due or self.told_by != self.memory.master):
             self._read_params(now, self.memory.master)
 
     def _register(self, system: Any, now: float, anew: bool) -> bool:

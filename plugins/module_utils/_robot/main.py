@@ -2,7 +2,7 @@
 """The keeper's process: `run.py keeper --record DIRECTORY`, where it keeps its files.
 
 It is not replaced with the code in its ConfigMap: when that has changed, and nobody needs it, it begins anew by itself.
-Beside an external master it has `--keep off`: it shows metrics of the graph, and does nothing else.
+Beside an external master it has `--keep off`: it looks at the graph, and gives nothing back to that master by itself.
 """
 
 from __future__ import annotations
@@ -77,16 +77,8 @@ def code_of(script: str) -> str:
         return ""
 
 
-def show_metrics(slave: Slave, shown: exporter.Exporter, code: str) -> int:
-    """And keep nothing, until it is told to end, or its code has changed."""
-    slave.show("/ready", lambda _asked: Said(200))
-    slave.start()
-    shown.start()
-    tell(f"keeps nothing; metrics of {slave.master_uri} at {slave.uri}")
-    while not told_to_end(PAUSE):
-        if code_of(sys.argv[0]) != code:
-            return ANEW
-    return 0
+def keep_nothing(_node: str, _uri: str, _seconds: float) -> None:
+    """Of what a node has latched, where the master is somebody else's."""
 
 
 def main(words: list[str]) -> int:
@@ -100,14 +92,14 @@ def main(words: list[str]) -> int:
     shown = exporter.Exporter(uri, chosen, tell)
     for path, page in shown.pages.items():
         slave.show(path, page)
-    return keep(slave, shown, chosen, code) if chosen["--keep"] == "on" else show_metrics(slave, shown, code)
+    return keep(slave, shown, chosen, code)
 
 
 def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code: str) -> int:
-    """All that is kept of one master's graph, until it is told to end, or its code has changed."""
-    uri = slave.master_uri
+    """All that is done for the robots of one master, until it is told to end, or its code has changed."""
+    uri, keeps = slave.master_uri, chosen["--keep"] == "on"
     kept, ros = KeptFiles(chosen["--record"], tell), Registrar(uri, TIMEOUT, NAME)
-    keeper = Keeper(ros, kept, tell, uri=slave.uri)
+    keeper = Keeper(ros, kept, tell, uri=slave.uri, keeps=keeps)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))
     slave.register({"paramUpdate": keeper.parameter_changed})
@@ -117,15 +109,18 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     except KubeError as error:  # the keeper does all the rest without
         tell(f"no step of an update is taken back from here: {error}")
     calls = SWITCHED_OFF  # what an earlier one held, with another option, is over
-    if chosen["--goal-forwarding"] == "on":
+    if keeps and chosen["--goal-forwarding"] == "on":
         stays = Staying(cluster) if cluster else lambda _action, _server: True
         forwarding = GoalForwarding(ros, slave, lambda content: kept.save("goals", content), tell, stays)
         forwarding.resume(kept.load("goals") or [])
         calls = forwarding.calls
     slave.register(calls)
-    latched = LatchedTopics(ros, slave, kept, tell)
-    latched.resume()
-    slave.register({"keep_latched": latched.keep})
+    keep_latched: Callable[[str, str, float], object] = keep_nothing
+    if keeps:
+        latched = LatchedTopics(ros, slave, kept, tell)
+        latched.resume()
+        keep_latched = latched.keep
+        slave.register({"keep_latched": latched.keep})
     watch = None
     beside: list[Callable[[], None]] = []
     if cluster:
@@ -136,7 +131,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
         slave.show(PATH, Door(holds, watch.left_over).page)
         beside.append(watch.run)
         if cluster.home != FLEET:  # a shared master's keeper is no robot's
-            beside.append(Readiness(cluster, uri, latched.keep, lambda: keeper.restarted_at, tell).run)
+            beside.append(Readiness(cluster, uri, keep_latched, lambda: keeper.restarted_at, tell).run)
     slave.start()
     shown.start()
     for work in beside:

@@ -133,13 +133,8 @@ def master_uri(robot: Robot) -> str:
 
 
 def keeper_uri(robot: Robot) -> str | None:
-    """Where pods find the keeper of their master; an external master has none."""
+    """Where pods find the keeper that holds goals and latched messages; an external master has none."""
     return None if robot.master.mode == "external" else _service_uri(robot, names.KEEPER_NAME, names.KEEPER_PORT)
-
-
-def has_keeper_pod(robot: Robot) -> bool:
-    """Whether there is a pod of the keeper: beside an external master only where the graph is to be seen."""
-    return robot.master.mode != "external" or robot.observability.sees_graph
 
 
 def _service_uri(robot: Robot, name: str, port: int) -> str:
@@ -199,5 +194,13 @@ def _settled(app: App, said: Variables, robot: Robot) -> App:
         alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
         app = replace(app, handoff="replace") if alone else app
     calls = app.pattern != "pubsub" or app.readiness.services or app.readiness.actions
-    gate = robot.master.mode == "robot" and not (said.get("hooks") or calls or app.not_from_outside())
-    return replace(app, hooks="gate") if gate else app
+    if said.get("hooks") or calls or not_gated(app, robot):
+        return app
+    return replace(app, hooks="gate")
+
+
+def not_gated(app: App, robot: Robot) -> str:
+    """Why the robot's keeper cannot say from outside when a pod of the app is ready; empty where it can."""
+    if robot.master.mode == "shared" or app.scope == "fleet":
+        return "the keeper is not the robot's own"
+    return app.not_from_outside()

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...module_utils._common.documents import Variables
-from ...module_utils._exporter.exporter import HEALTHY, PATH
+from ...module_utils._exporter.exporter import PATH
 from ...module_utils._step.objects import Object
 from ...module_utils._step.update_record import NAME as UPDATES
 from .._model import context, names
@@ -53,7 +53,7 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 
 UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
-KEEPS_NOTHING = ["--keep", "off"]  # a keeper beside an external master, which only shows its graph
+KEEPS_NOTHING = ["--keep", "off"]  # a keeper beside an external master, whose registrations are not ours
 RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
 # Measured with ten nodes, and scraped: 0.4 % of a core and 25 MB; there is room for a hundred and for held goals.
 KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "192Mi"}}
@@ -83,15 +83,8 @@ def ros_core_objects(robot: Robot) -> list[Object]:
 
 
 def keeper_objects(robot: Robot) -> list[Object]:
-    """Deployment and Service of the keeper.
-
-    Beside an external master it keeps nothing, and nobody calls it: it is a Deployment alone, and only where the graph
-    is to be seen.
-    """
-    if not context.has_keeper_pod(robot):
-        return []
-    made = _served(robot, plain_keeper(robot), robot.master.keeper_overrides, names.KEEPER_PORT)
-    return made[:1] if robot.master.mode == "external" else made
+    """Deployment and Service of the keeper; also beside an external master, which is in no pod."""
+    return _served(robot, plain_keeper(robot), robot.master.keeper_overrides, names.KEEPER_PORT)
 
 
 def plain_master(robot: Robot) -> Object:
@@ -113,8 +106,10 @@ def plain_master(robot: Robot) -> Object:
 
 def plain_keeper(robot: Robot) -> Object:
     """The Deployment before the overrides. Whichever robot that of a shared master comes from, it is the same."""
-    command, volumes, mounts, account = code_command("keeper"), [code_volume()], [CODE_MOUNT], dict[str, Any]()
-    keeps = robot.master.mode != "external"
+    command = [*code_command("keeper"), "--record", RECORD_DIR]
+    # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
+    volumes = [code_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}]
+    mounts = [CODE_MOUNT, mount(RECORD_VOLUME, RECORD_DIR)]
     # asked of its server, which answers while its look at the master goes on: no process, next to no CPU
     probe = _asked("/ready")
     container: Object = {
@@ -134,15 +129,10 @@ def plain_keeper(robot: Robot) -> Object:
         "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": FOR_EVER},
         "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
     }
-    if keeps:
-        command += ["--record", RECORD_DIR, *(() if robot.master.goal_forwarding else ("--goal-forwarding", "off"))]
-        # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
-        volumes.append({"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}})
-        mounts.append(mount(RECORD_VOLUME, RECORD_DIR))
-        account = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True}
-    else:  # then it loses nothing by a restart
+    if robot.master.mode == "external":
         command += KEEPS_NOTHING
-        container["livenessProbe"] = {**_asked(HEALTHY), "periodSeconds": 60, "failureThreshold": 3}
+    elif not robot.master.goal_forwarding:
+        command += ["--goal-forwarding", "off"]
     # the map is made by the first update
     volumes.append({"name": "updates", "configMap": {"name": UPDATES, "optional": True}})
     mounts.append(mount("updates", UPDATES_DIR, read_only=True))
@@ -155,6 +145,7 @@ def plain_keeper(robot: Robot) -> Object:
     seen = context.master_owner(robot) is None or robot.observability.ros_metrics
     found = {"scrape": "true", "port": str(names.KEEPER_PORT), "path": PATH} if seen else {}
     notes = {f"prometheus.io/{key}": value for key, value in found.items()}
+    account = {"serviceAccountName": names.KEEPER_NAME, "automountServiceAccountToken": True}
     pod = {"terminationGracePeriodSeconds": 10, **account}
     return _with_the_master(robot, names.KEEPER_NAME, container, volumes, notes, **pod)
 

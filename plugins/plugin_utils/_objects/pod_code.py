@@ -201,7 +201,7 @@ def code_maps(robot: Robot, code: Files) -> list[Object]:
     """The ConfigMaps `rosops-code`, one per namespace that has pods with our code; `code` is file name -> content."""
     scopes = {app.scope for app in robot.apps if app.hooks in IN_POD}
     shared, objects = robot.master.mode == "shared", []
-    if "robot" in scopes or (context.has_keeper_pod(robot) and not shared):
+    if "robot" in scopes or not shared:
         objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))
     if "fleet" in scopes or shared:
         objects.append(config_map(names.CODE_NAME, names.FLEET_NAMESPACE, owner_labels(None), code))

@@ -87,9 +87,7 @@ def _param(name: str) -> str:
 
 
 def rest_maps(robot: Robot) -> list[Object]:
-    """The ConfigMap `robot-rest`; none for an external master, which has no keeper."""
-    if robot.master.mode == "external":
-        return []
+    """The ConfigMap `robot-rest`."""
     of_all = context.wanted_before(robot)
     apps = {
         app.name: {"when": context.wanted_before(robot, [app])[len(of_all) :], "idle": _idle(app, robot)}

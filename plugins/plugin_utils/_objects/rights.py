@@ -59,12 +59,7 @@ CONTROLLERS: tuple[Rule, ...] = (
 
 
 def keeper_access(robot: Robot) -> list[Object]:
-    """The account of the robot's keeper, its Role in the robot's namespace, and before it what bounds all keepers.
-
-    Nothing for an external master.
-    """
-    if robot.master.mode == "external":
-        return []
+    """The account of the robot's keeper, its Role in the robot's namespace, and before it what bounds all keepers."""
     home, labels = context.master_namespace(robot), owner_labels(context.master_owner(robot))
     account = {"name": names.KEEPER_NAME, "namespace": home}
     objects = [

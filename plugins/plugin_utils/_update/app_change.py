@@ -224,7 +224,7 @@ class AppChange(StepChange):
         apps = {*step.apps} - {names.KEEPER_NAME}
         revisions = {app: step.after.get(app, {}).get("revision", "") for app in apps}
         again = all(Record(history=step.histories.get(app, ())).is_history(new) for app, new in revisions.items())
-        if step.proven or again or not (self.hands.keeper and soak and apps & {*step.previous}):
+        if step.proven or again or not (self.hands.watched(step.workloads) and soak and apps & {*step.previous}):
             return [*fulfilled(self.maps), *step.workloads]
         good = found_good(self.maps, soak, decide.new_pods(step, self.hands.read().pods))
         return [*good, *marked(step.workloads, self.maps, run_of(self.told.started), SOAKING)]

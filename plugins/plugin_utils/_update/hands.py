@@ -106,9 +106,16 @@ class Hands:
 
     @property
     def keeper(self) -> str:
-        """The address of the keeper; an external master has none, whatever is left of another one's."""
-        if self.robot.master.mode == "external":
-            return ""
+        """The address of the keeper, where it holds goals: it does so at no external master."""
+        return self._keeper if self.robot.master.mode != "external" else ""
+
+    def watched(self, workloads: Sequence[Object]) -> bool:
+        """Whether a keeper is there that takes these back if they do not stay good."""
+        places = {item["metadata"]["namespace"] for item in workloads}
+        return bool(self._keeper) and (self.robot.master.mode == "shared" or places == {self.robot.namespace})
+
+    @property
+    def _keeper(self) -> str:
         return self.live.service_uri(names.KEEPER_NAME, master_namespace(self.robot))
 
     # --- its cluster ------------------------------------------------------------------------------------------------

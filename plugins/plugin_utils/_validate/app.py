@@ -299,7 +299,7 @@ def _ports(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{where}.host_port", found, "leave it out")
         if app.hooks == "sidecar" and (port.port, port.protocol) == (SIDECAR_PORT, "TCP"):
             yield Problem(f"{where}.port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
-    why = app.not_from_outside() if draft.robot.master.mode == "robot" else "there is no ROS master of the robot's own"
+    why = context.not_gated(app, draft.robot)
     if app.hooks == "gate" and why:
         yield Problem("hooks", f"is gate, but {why}", "app, or sidecar")
     # the kubelet asks a sidecar by the pod's address

@@ -179,12 +179,10 @@ def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
     if master.mode != "robot" and not FORMS["node-name"].test(names.ros_name(robot.name)):
         found = "begins with a digit, but robots that share a master get a ROS namespace of their name"
         yield Problem(f"groups.robots.{robot.name}", found, "a name that begins with a letter")
-    for key, plain, overrides, container in (
-        ("overrides", plain_master, master.overrides, names.MASTER_CONTAINER),
-        ("keeper_overrides", plain_keeper, master.keeper_overrides, names.KEEPER_NAME),
-    ):
-        if master.mode != "external" or (plain is plain_keeper and context.has_keeper_pod(robot)):
-            yield from override_problems(plain(robot), overrides, container, base + key)
+    keepers = base + "keeper_overrides"
+    yield from override_problems(plain_keeper(robot), master.keeper_overrides, names.KEEPER_NAME, keepers)
+    if master.mode != "external":
+        yield from override_problems(plain_master(robot), master.overrides, names.MASTER_CONTAINER, f"{base}overrides")
 
 
 def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import CONTROLLERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
@@ -32,6 +33,16 @@ class AtRest:
 
     def read(self, _namespaces: Any) -> Live:
         return Live()
+
+    def door(self, _robot: Any) -> AtRest:
+        """That of a keeper that is not there."""
+        return self
+
+    def there(self) -> None:
+        raise KubeError("there is no keeper")
+
+    def job(self, _name: str, _arguments: Any) -> None:
+        self.there()
 
     def beat(self, _node: str) -> str:
         self.beats += 1

@@ -155,12 +155,10 @@ SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0
     ("apps", "master", "places"),
     [
         ([PLAIN], {}, [ROBOT]),  # the keeper's pod needs it
-        ([PLAIN], EXTERNAL, []),
-        ([], {**EXTERNAL, "seen": True}, [ROBOT]),
-        ([APP], EXTERNAL, [ROBOT]),
+        ([PLAIN], EXTERNAL, [ROBOT]),
         ([APP], SHARED, [ROBOT, FLEET]),
         ([BESIDE], EXTERNAL, [ROBOT]),
-        ([FLEETS], EXTERNAL, [FLEET]),
+        ([FLEETS], EXTERNAL, [ROBOT, FLEET]),
     ],
 )
 def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, places: list[str]) -> None:

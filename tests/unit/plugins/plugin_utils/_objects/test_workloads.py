@@ -142,7 +142,7 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
         ({"params": {"rate": 5}, "command": ["talk"]}, {}, "app"),
         ({"keep_params": ["rate"], "command": ["talk"]}, {}, "app"),
         ({}, {"master": {"mode": "shared"}}, "app"),
-        ({}, {"master": {"mode": "external", "uri": "http://10.0.0.5:11311"}}, "app"),
+        ({}, {"master": {"mode": "external", "uri": "http://10.0.0.5:11311"}}, "gate"),
     ],
 )
 def test_who_says_when_a_pod_is_ready(changes: dict[str, Any], of: dict[str, Any], hooks: str) -> None:
