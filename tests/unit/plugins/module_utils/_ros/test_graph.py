@@ -77,7 +77,7 @@ def test_the_graph_as_json() -> None:
     asked = services["/trigger"]
     assert (asked["md5sum"], asked["up"]) == ("93", True)
     assert services["/relay/get_loggers"]["up"] is False
-    assert (services["/rosout/get_loggers"]["up"], services["/rosout/get_loggers"]["connections"]) == (False, None)
+    assert services["/rosout/get_loggers"]["up"] is False
 
 
 def test_the_graph_by_the_names_of_revisions() -> None:
