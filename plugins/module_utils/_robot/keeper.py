@@ -233,7 +233,10 @@ class Keeper:
     def _reap(self, node: str, answer: Liveness, now: float) -> None:
         entry = self.memory.nodes[node]
         registered = self.ros.snapshot().get(node)
-        if registered is None or registered.uri != entry.uri:
+        if registered is None:  # it left by itself, or the master has lost it
+            self.memory.bury(node, now)
+            return
+        if registered.uri != entry.uri:
             return  # a newer process has the name
         calls = registrations.remove({node: registered}, [{node: Liveness(registrations.DEAD)}])
         self.ros.apply(calls)

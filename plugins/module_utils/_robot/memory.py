@@ -129,14 +129,16 @@ class Memory:
     # ---- who is gone
 
     def due(self, present: Mapping[str, Entry], now: float) -> dict[str, Entry]:
-        """Nodes to look at now: registered ones, and removed ones that might come back."""
+        """Nodes to look at now: registered ones, those of which something is missing, and removed ones that might come
+        back.
+        """
         for node in [node for node, (_entry, at) in self.removed.items() if now - at > MEMORY]:
             del self.removed[node]
         everyone = {node: entry for node, (entry, _at) in self.removed.items()}
-        everyone.update({node: self.nodes[node] for node in present if node in self.nodes})
+        everyone.update({node: self.nodes[node] for node in (*present, *self.missed) if node in self.nodes})
         found = {}
         for node, entry in everyone.items():
-            period = AGAIN if node in self.suspects else PERIOD
+            period = AGAIN if node in self.suspects or node in self.missed else PERIOD
             if node in self.removed:  # the longer it is gone, the less it is worth
                 period = max(PERIOD, (now - self.removed[node][1]) / 5)
             if now - self.seen.get(node, now - PERIOD) >= period:

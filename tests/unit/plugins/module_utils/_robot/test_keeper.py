@@ -390,6 +390,22 @@ def test_one_that_only_hangs_stays(bench: Bench) -> None:
     assert 90 <= seconds <= 120
 
 
+def test_one_that_left_with_its_pod_is_not_asked_for_ever(bench: Bench) -> None:
+    """Its address leads nowhere, which takes longer to find out than the master may wait for an answer."""
+
+    def ask(entries: Mapping[str, Entry], timeout: float, own_word: bool = True) -> dict[str, Liveness]:
+        late = {node: Liveness(DEAD if timeout > 3.0 else UNKNOWN, "no route to host") for node in entries}
+        return {node: late[node] if node == "/talker" else bench.ros._says(node, own_word) for node in entries}
+
+    bench.steps(5)
+    bench.ros.ask = ask  # type: ignore[method-assign]
+    del bench.ros.entries["/talker"]
+    bench.steps(40)
+    assert [*bench.keeper.memory.nodes] == ["/listener"]
+    assert bench.keeper.memory.missed == {}
+    assert "/talker" in bench.keeper.memory.removed  # should it answer again, it gets everything back
+
+
 def test_a_name_that_a_newer_process_has_is_its_own(bench: Bench) -> None:
     bench.step()
     bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens")
