@@ -3,6 +3,7 @@
 
 It is not replaced with the code in its ConfigMap: when that has changed, and nobody needs it, it begins anew by itself.
 Beside an external master it has `--keep off`: it looks at the graph, and gives nothing back to that master by itself.
+On a robot without ROS it has `--keep none`, and an empty graph.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import FLEET, KEEPER_PORT, PATH
+from . import no_master
 from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .door import Door
 from .goal_forwarding import SWITCHED_OFF, GoalForwarding
@@ -89,6 +91,9 @@ def main(words: list[str]) -> int:
     chosen, code = options(words), code_of(sys.argv[0])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
+    if chosen["--keep"] == "none":
+        uri = slave.master_uri = slave.uri
+        slave.register(no_master.methods(uri))
     shown = exporter.Exporter(uri, chosen, tell)
     for path, page in shown.pages.items():
         slave.show(path, page)

@@ -112,10 +112,21 @@ class ReadyAction(TypedDict, total=False):
     state: Literal["up", "idle"]
 
 
+class ReadyHttp(TypedDict, total=False):
+    """What the pod has to answer with a status from 200 to 399."""
+
+    port: Required[Annotated[int, PORT]]
+    """A port of the container."""
+    path: MountPath
+    """The path that is asked for; without it C(/)."""
+
+
 @dataclass(frozen=True)
 class Readiness:
     """When an app is ready."""
 
+    http: ReadyHttp | None = None
+    """What the container has to answer over HTTP, in place of O(ros_apps[].readiness.command)."""
     command: Annotated[
         str | tuple[str, ...] | None,
         either("a command as text, or as a list of texts", Filled, Annotated[tuple[str, ...], FILLED]),

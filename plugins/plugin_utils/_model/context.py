@@ -38,6 +38,11 @@ class MasterSettings:
     keeper_overrides: Variables = field(default_factory=dict)
     addresses: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def ours(self) -> bool:
+        """Whether it runs in the cluster: neither is it somebody else's, nor is there no ROS."""
+        return self.mode in ("robot", "shared")
+
 
 @dataclass(frozen=True)
 class Observability:
@@ -126,15 +131,17 @@ def master_owner(robot: Robot) -> str | None:
 
 
 def master_uri(robot: Robot) -> str:
-    """ROS_MASTER_URI as the robot's pods need it."""
+    """ROS_MASTER_URI as the robot's pods need it; without ROS the keeper's, which has an empty graph."""
     if robot.master.mode == "external":
         return robot.master.uri
+    if robot.master.mode == "none":
+        return _service_uri(robot, names.KEEPER_NAME, names.KEEPER_PORT)
     return _service_uri(robot, names.MASTER_NAME, names.MASTER_PORT)
 
 
 def keeper_uri(robot: Robot) -> str | None:
     """Where pods find the keeper that holds goals and latched messages; an external master has none."""
-    return None if robot.master.mode == "external" else _service_uri(robot, names.KEEPER_NAME, names.KEEPER_PORT)
+    return _service_uri(robot, names.KEEPER_NAME, names.KEEPER_PORT) if robot.master.ours else None
 
 
 def _service_uri(robot: Robot, name: str, port: int) -> str:
@@ -145,7 +152,7 @@ def _service_uri(robot: Robot, name: str, port: int) -> str:
 
 def own_space(robot: Robot) -> str:
     """The robot's own ROS namespace where several robots share a master, else the root."""
-    return "/" if robot.master.mode == "robot" else "/" + names.ros_name(robot.name)
+    return "/" if robot.master.mode in ("robot", "none") else "/" + names.ros_name(robot.name)
 
 
 def robot_space(app: App, robot: Robot) -> str:
@@ -188,12 +195,15 @@ def _settled(app: App, said: Variables, robot: Robot) -> App:
         for mount in app.volumes
     ]
     nodes = app.readiness.nodes and not (app.launch and (said.get("readiness") or {}).get("nodes") is None)
+    nodes = nodes and robot.master.mode != "none"
     app = replace(app, volumes=tuple(mounts), readiness=replace(app.readiness, nodes=nodes))
     if app.handoff == "overlap" and not said.get("handoff"):
         pairs = [(mount, volume) for mount in mounts for volume in robot.volumes if mount.name == volume.name]
         alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
         app = replace(app, handoff="replace") if alone else app
     calls = app.pattern != "pubsub" or app.readiness.services or app.readiness.actions
+    if robot.master.mode == "none":
+        return replace(app, hooks="none")
     if said.get("hooks") or calls or not_gated(app, robot):
         return app
     return replace(app, hooks="gate")

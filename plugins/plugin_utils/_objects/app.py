@@ -66,11 +66,12 @@ def app_deployment(app: App, robot: Robot) -> Object:
     in_pod = app.node_name + (f"{suffix}_$({names.TEMPLATE_ENV})" if suffix else "")
     if args := [*(container.get("args") or []), *_naming_args(app, robot, in_pod)]:
         container["args"] = args
-    told = [] if app.launch or app.hooks == "gate" else [variable(names.NODE_NAME_ENV, in_pod)]
+    nameless = app.launch or robot.master.mode == "none"  # whose nodes have names of their own, or that is no node
+    told = [] if nameless or app.hooks == "gate" else [variable(names.NODE_NAME_ENV, in_pod)]
     for one in [container, *beside]:
         one["env"] = [*(one.get("env") or []), *told]
     metadata["labels"] = {**(metadata.get("labels") or {}), names.LABEL_REVISION: revision}
-    if not app.launch:  # whose nodes have names of their own
+    if not nameless:
         metadata["annotations"][names.ANNOTATION_NODE] = context.graph_node(app, robot, suffix)
     return annotate(deployment)
 
@@ -143,6 +144,8 @@ def _environment(app: App, robot: Robot) -> list[Object]:
 
 def _ros_environment(app: App, robot: Robot) -> list[Object]:
     """Where the master is, and where the app is itself."""
+    if robot.master.mode == "none":
+        return []
     found = [
         variable("ROS_MASTER_URI", context.master_uri(robot)),
         field_variable("ROS_IP", "status.hostIP" if app.host_network else "status.podIP"),
@@ -205,7 +208,7 @@ def _naming_args(app: App, robot: Robot, in_pod: str) -> list[str]:
     None for an app that names its nodes itself: without any, its image runs what it runs by itself.
     """
     overlaps = app.handoff == "overlap"
-    if app.launch or not (overlaps or app.readiness.nodes):
+    if app.launch or robot.master.mode == "none" or not (overlaps or app.readiness.nodes):
         return []
     stable = context.graph_node(app, robot)
     private = [f"~{name}:={stable}/{name}" for name in app.private_names] if overlaps else []

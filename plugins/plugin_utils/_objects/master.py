@@ -53,7 +53,8 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 
 UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
-KEEPS_NOTHING = ["--keep", "off"]  # a keeper beside an external master, whose registrations are not ours
+# a keeper beside an external master, whose registrations are not ours; and one of a robot without ROS
+KEEPS_NOTHING = {"external": ["--keep", "off"], "none": ["--keep", "none"]}
 RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
 # Measured with ten nodes, and scraped: 0.4 % of a core and 25 MB; there is room for a hundred and for held goals.
 KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "192Mi"}}
@@ -73,11 +74,11 @@ def master_objects(robot: Robot) -> list[Object]:
 
 
 def ros_core_objects(robot: Robot) -> list[Object]:
-    """Deployment and Service `ros-master`, in the robot's namespace or in `fleet`; nothing for an external master.
+    """Deployment and Service `ros-master`, in the robot's namespace or in `fleet`; nothing where there is none of ours.
 
     The overrides are the master's alone.
     """
-    if robot.master.mode == "external":
+    if not robot.master.ours:
         return []
     return _served(robot, plain_master(robot), robot.master.overrides, names.MASTER_PORT)
 
@@ -107,6 +108,7 @@ def plain_master(robot: Robot) -> Object:
 def plain_keeper(robot: Robot) -> Object:
     """The Deployment before the overrides. Whichever robot that of a shared master comes from, it is the same."""
     command = [*code_command("keeper"), "--record", RECORD_DIR]
+    master = [variable("ROS_MASTER_URI", context.master_uri(robot))] if robot.master.mode != "none" else []
     # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
     volumes = [code_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}]
     mounts = [CODE_MOUNT, mount(RECORD_VOLUME, RECORD_DIR)]
@@ -117,11 +119,7 @@ def plain_keeper(robot: Robot) -> Object:
         "image": robot.master.image,
         "imagePullPolicy": "IfNotPresent",
         "command": command,
-        "env": [
-            variable("ROS_MASTER_URI", context.master_uri(robot)),
-            field_variable("ROS_IP", "status.podIP"),
-            ONE_HEAP,
-        ],
+        "env": [*master, field_variable("ROS_IP", "status.podIP"), ONE_HEAP],
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": KEEPERS,
         "volumeMounts": mounts,
@@ -129,8 +127,8 @@ def plain_keeper(robot: Robot) -> Object:
         "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": FOR_EVER},
         "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
     }
-    if robot.master.mode == "external":
-        command += KEEPS_NOTHING
+    if not robot.master.ours:
+        command += KEEPS_NOTHING[robot.master.mode]
     elif not robot.master.goal_forwarding:
         command += ["--goal-forwarding", "off"]
     # the map is made by the first update

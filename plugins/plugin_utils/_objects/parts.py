@@ -46,7 +46,7 @@ def ground_objects(
     """What the pods stand on, and what changes without any of them.
 
     These are namespace, Secrets, claims, the code in the pods, what their keeper has to know, the files of versions to
-    come, apps' Services, and what only shows the graph of an external master.
+    come, apps' Services, and a keeper that keeps nothing of a master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """
@@ -61,14 +61,14 @@ def ground_objects(
         found += [*code_maps(robot, code), *rest_maps(robot)]
     if APPS in parts:
         found += belongings(robot)
-    if MASTER in parts and robot.master.mode == "external":
+    if MASTER in parts and not robot.master.ours:
         found += keeper_objects(robot)
     return found
 
 
 def workload_objects(robot: Robot, parts: Collection[str]) -> list[Object]:
     """What runs, with its Services."""
-    made = master_objects(robot) if MASTER in parts and robot.master.mode != "external" else []
+    made = master_objects(robot) if MASTER in parts and robot.master.ours else []
     return [*made, *(app_objects(robot) if APPS in parts else [])]
 
 

@@ -20,7 +20,7 @@ from ...module_utils._pod.exec import AFTER
 from ...module_utils._pod.sidecar import PORT
 from ...module_utils._step.objects import Object
 from .._model import context, names
-from .._model.app import App, Launch
+from .._model.app import App, Launch, Readiness
 from .._model.context import Robot
 from .common import FOR_EVER, ONE_HEAP, Files, config_map, exec_probe, mount, owner_labels
 
@@ -111,11 +111,12 @@ def probes(app: App) -> Object:
     not pay for being asked. What becomes of the node later is seen on the graph. The hooks beside an app are asked for
     the same moments. Without any of ours readiness.command is asked often until it has passed, then seldom.
     """
-    command = app.readiness.command
+    asked = _own_question(app.readiness)
     found: Object = {}
-    if command:
+    if asked:
         # once it has agreed it goes on for ever, so seldom
-        found["readinessProbe"] = exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
+        seldom = {"periodSeconds": 10, "timeoutSeconds": COMMAND_TIMEOUT, "failureThreshold": 3}
+        found["readinessProbe"] = {**asked, **seldom}
     if app.hooks == "sidecar":
         found["startupProbe"] = _startup("/started", STARTED_TIMEOUT)
         found["lifecycle"] = {"preStop": _asked("/stop")}
@@ -123,10 +124,17 @@ def probes(app: App) -> Object:
         started, stop = code_command("started"), code_command("stop")
         found["startupProbe"] = exec_probe(started, period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER)
         found["lifecycle"] = {"preStop": {"exec": {"command": stop}}}
-    elif command:
-        start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
-        found["startupProbe"] = start
+    elif asked:
+        often = {"periodSeconds": 1, "timeoutSeconds": COMMAND_TIMEOUT, "failureThreshold": FOR_EVER}
+        found["startupProbe"] = {**asked, **often}
     return found
+
+
+def _own_question(readiness: Readiness) -> Object:
+    """What the app says itself of being ready, as a probe has it; nothing where it is not asked."""
+    if readiness.http:
+        return {"httpGet": {"path": "/", **readiness.http}}
+    return {"exec": {"command": list(probe_command(readiness.command))}} if readiness.command else {}
 
 
 def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:

@@ -214,7 +214,7 @@ def promised_rates(hosts: Iterable[Member], apps: Iterable[Workload]) -> dict[st
 
 def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
     """Where a host of the cluster reaches the robot's master; empty where there is none."""
-    if robot.master.mode == "external":
+    if not robot.master.ours:
         return robot.master.uri
     wanted = (master_namespace(robot), names.MASTER_NAME)
     found = (one["spec"]["clusterIP"] for one in services if (meta(one).get("namespace"), name_of(one)) == wanted)

@@ -15,7 +15,6 @@ from urllib.parse import urlsplit
 
 from .._model import context, names
 from .._model.context import Robot
-from .._objects.master import KEEPS_NOTHING
 from .world import Live, Object
 
 NAMES = (names.MASTER_NAME, names.KEEPER_NAME)
@@ -85,7 +84,7 @@ def _environments(live: Live) -> Iterator[tuple[tuple[str, str], Mapping[str, st
     for item in live.deployments:
         pod: Object = item["spec"]["template"]["spec"]
         for container in [*pod["containers"], *(pod.get("initContainers") or [])]:
-            if KEEPS_NOTHING[0] in (container.get("command") or ()):
+            if "--keep" in (container.get("command") or ()):
                 continue
             given = {one["name"]: str(one.get("value", "")) for one in container.get("env") or []}
             yield (item["metadata"]["namespace"], item["metadata"]["name"]), given

@@ -97,6 +97,8 @@ class Hands:
         """The address of the robot's ROS master, as its hosts reach it."""
         if self.robot.master.mode == "external":
             return master_uri(self.robot)
+        if self.robot.master.mode == "none":
+            return self._keeper
         return self.live.service_uri(names.MASTER_NAME, master_namespace(self.robot))
 
     def need_master(self) -> None:
@@ -107,7 +109,7 @@ class Hands:
     @property
     def keeper(self) -> str:
         """The address of the keeper, where it holds goals: it does so at no external master."""
-        return self._keeper if self.robot.master.mode != "external" else ""
+        return self._keeper if self.robot.master.ours else ""
 
     def watched(self, workloads: Sequence[Object]) -> bool:
         """Whether a keeper is there that takes these back if they do not stay good."""

@@ -126,7 +126,7 @@ def intended(apps: Collection[App], robot: Robot, old_nodes: Mapping[str, str], 
         nodes += [node] if app.on_demand else []
     if back:
         renamed = {after: before for before, after in renamed.items()}
-    keeps = robot.master.mode != "external" and all(app.hooks != "none" for app in apps)
+    keeps = robot.master.ours and all(app.hooks != "none" for app in apps)
     return Intended(tuple(ignore), renamed, rates, tuple(nodes), keeps)
 
 

@@ -110,7 +110,7 @@ class Request:
 def rendered(robot: Robot) -> Desired:
     """What the robot is to run, and its Services."""
     found: dict[str, list[Object]] = {}
-    if robot.master.mode != "external":
+    if robot.master.ours:
         found[KEEPER], found[MASTER] = list(keeper_objects(robot)), list(ros_core_objects(robot))
     for item in app_objects(robot):
         found.setdefault(item["metadata"]["name"], []).append(item)

@@ -33,14 +33,18 @@ LAUNCHES = "roslaunch names its nodes itself"
 _SHELLS = ("sh", "bash", "dash")
 # What a `sh -c` script reads the appended ROS node name from.
 _NAME_READERS = re.compile(r"\$\{?(?:@|\*|0|1|" + names.NODE_NAME_ENV + r")")
+# keys of an app that a robot without ROS has no use for
+OF_ROS = ("launch", "params", "keep_params", "private_names", "node_name", "pattern", "on_demand")
+OF_READINESS = ("nodes", "topics", "services", "actions", "absent")
+OF_UPDATES = ("when", "idle", "ignore", "renamed", "rates")
 _GRACE = ("spec", "template", "spec", "terminationGracePeriodSeconds")
 
 
 def app_problems(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     """All problems of one app whose keys have the types that they have to have."""
     for check in (
-        _command, _launch, _handoff, _placement, _namespace, _grace, _volumes, _params, _files, _ports, _mounts,
-        _readiness,
+        _without_ros, _command, _launch, _handoff, _placement, _namespace, _grace, _volumes, _params, _files, _ports,
+        _mounts, _readiness,
     ):  # fmt: skip
         yield from check(app, raw, draft)
     yield from when_problems(app.update.when, "update.when")
@@ -80,16 +84,31 @@ def _words(app: App) -> list[tuple[str, str]]:
     return [*each("command", app.command), *each("args", app.args)]
 
 
+def _without_ros(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
+    if draft.robot.master.mode != "none":
+        return
+    said = [key for key in OF_ROS if raw.get(key)]
+    said += [f"readiness.{key}" for key in OF_READINESS if (raw.get("readiness") or {}).get(key)]
+    said += [f"update.{key}" for key in OF_UPDATES if (raw.get("update") or {}).get(key)]
+    for key in said:
+        yield Problem(key, "is about ROS, and ros_master_mode is none", "leave it out")
+    if raw.get("hooks") not in (None, "none"):
+        yield Problem("hooks", f"is {raw['hooks']}, but there is no ROS graph to look at", "none, or leave it out")
+    if app.handoff == "drain":
+        yield Problem("handoff", "is drain, but there are no goals to wait for", "overlap, or replace")
+
+
 def _command(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     if of := {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}.get(app.name):
         yield Problem("name", f"is {app.name}, the name of {of}", "any other name")
     # two masters in one namespace share no graph; one of them serves nobody
-    for place, word in _words(app) if draft.robot.master.mode != "external" else ():
+    for place, word in _words(app) if draft.robot.master.ours else ():
         if _MASTER.search(word):
             allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
             yield Problem(place, "starts a second ROS master", allowed)
     # the ROS node name is appended to args, and args of our own replace those of the image
-    if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
+    named = draft.robot.master.mode != "none" and (app.readiness.nodes or app.handoff == "overlap")
+    if named and not {"command", "args", "launch"} & {*raw}:
         yield Problem(
             "command",
             "is missing, as is args",
@@ -165,13 +184,13 @@ def _placement(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     # a remote pod may be placed on any edge host, of which nobody knows what is plugged in
     if app.devices and app.placement == "remote":
         yield Problem("placement", "is remote, but devices are the robot's", "local, or leave it out")
-    if app.scope == "fleet" and master == "robot":
+    if app.scope == "fleet" and master in ("robot", "none"):
         allowed = "scope: robot, or ros_master_mode shared or external"
-        yield Problem("scope", "is fleet, but each robot has a ROS master of its own", allowed)
+        yield Problem("scope", "is fleet, but the robots share no ROS master", allowed)
     if app.scope == "fleet" and app.placement == "local":
         yield Problem("placement", "is local for an app of the whole fleet", "remote")
-    if raw.get("liveness_timeout") and master == "external":
-        found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
+    if raw.get("liveness_timeout") and not draft.robot.master.ours:
+        found = f"is {app.liveness_timeout}, but at a master that is not ours the keeper begins no pod anew"
         yield Problem("liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
 
 
@@ -333,6 +352,8 @@ def _readiness(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     if ready.interval > ready.timeout:
         found = f"is {ready.interval} s, longer than the timeout of {ready.timeout} s"
         yield Problem("readiness.interval", found, f"at most {ready.timeout}")
+    if ready.http and ready.command:
+        yield Problem("readiness.http", "is beside readiness.command", "one of the two")
     own, namespace = context.graph_node(app, draft.robot), context.graph_namespace(app, draft.robot)
     for where, name in each("readiness.absent", ready.absent if ready.nodes else ()):
         if resolve(name, namespace, own) == own:

@@ -149,7 +149,7 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
     for (path, _name), device, (_path, other) in taken(devices):
         yield Problem(f"{path}.devices", f"{device} is {other}'s, too; few devices serve two")
     image = draft.robot.master.image
-    if draft.robot.master.mode != "external" and moving_tag(image):
+    if moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
     # what the robot is asked before a change, and its own app has to answer
     publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
@@ -176,12 +176,12 @@ def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
         yield Problem(f"{base}placement", "is remote, but a standalone robot has no edge host in its cluster", "local")
     if master.mode == "shared" and master.placement == "local":
         yield Problem(f"{base}placement", "is local for a master that all robots share", "remote")
-    if master.mode != "robot" and not FORMS["node-name"].test(names.ros_name(robot.name)):
+    if master.mode in ("shared", "external") and not FORMS["node-name"].test(names.ros_name(robot.name)):
         found = "begins with a digit, but robots that share a master get a ROS namespace of their name"
         yield Problem(f"groups.robots.{robot.name}", found, "a name that begins with a letter")
     keepers = base + "keeper_overrides"
     yield from override_problems(plain_keeper(robot), master.keeper_overrides, names.KEEPER_NAME, keepers)
-    if master.mode != "external":
+    if master.ours:
         yield from override_problems(plain_master(robot), master.overrides, names.MASTER_CONTAINER, f"{base}overrides")
 
 
