@@ -28,7 +28,7 @@ def test_every_field_survives() -> None:
             "placement": "local", "scope": "fleet", "pattern": "service", "private_names": ["~p"],
             "keep_params": ["p"],
             "volumes": [{"name": "v", "mount_path": "/m", "read_only": True}], "hooks": "none",
-            "readiness": {"http": {"port": 80}, 
+            "readiness": {"http": {"port": 80},
                 "command": ["r"], "nodes": False, "topics": [{"name": "t", "min_rate": 2}], "services": ["s"],
                 "actions": ["a"], "absent": ["x"], "timeout": 1, "interval": 0.1, "consecutive": 2,
             },
