@@ -34,9 +34,9 @@ description:
     (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many), C(apis) (of each cluster that
     the run asked C(host) and C(source), the API's address and whence the access to it was)."
   - "A host in the file: C(host), C(groups), C(outcome), C(reason), C(failed_task), C(changed) (names of tasks),
-    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and
-    unmet ones of M(rosops.fleet.rollout_ready)), C(steps) (of an update, each with C(name), C(apps), C(handoff),
-    C(outcome), C(reason), C(from), C(to), C(phases) in seconds, C(busy_wait)), C(counts) (Ansible's own)."
+    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(steps) (of an update, each with
+    C(name), C(apps), C(handoff), C(outcome), C(reason), C(from), C(to), C(phases) in seconds, C(busy_wait)), C(counts)
+    (Ansible's own)."
   - Seconds of a task run from its start to its last host's result, so they add up to the run only under a strategy that
     takes one task after the other.
 options:

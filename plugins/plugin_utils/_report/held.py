@@ -47,7 +47,6 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
     workloads = sorted((_workload(one, _pods_of(one, pods), now) for one in ours), key=_place)
     return Status(
         nodes=tuple(nodes),
-        placement=tuple(rows.Placed(node.name, node.placement, tuple(_run_by(node, workloads))) for node in nodes),
         masters=tuple(one for one in workloads if one.is_master),
         helpers=tuple(one for one in workloads if one.name in HELPERS),
         apps=tuple(one for one in workloads if not one.is_master and one.name not in HELPERS),
@@ -108,10 +107,6 @@ def _node(node: Object) -> rows.Node:
 def _is_chosen(label: str) -> bool:
     own = label in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)
     return not own and not label.partition("/")[0].endswith(BUILT_IN_LABELS)
-
-
-def _run_by(node: rows.Node, workloads: Iterable[rows.Workload]) -> list[str]:
-    return sorted(f"{one.robot}/{one.name}" for one in workloads if node.name in one.nodes)
 
 
 def _pods_of(deployment: Object, pods: Iterable[Object]) -> list[Object]:

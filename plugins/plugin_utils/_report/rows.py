@@ -101,15 +101,6 @@ class Node(Row):
 
 
 @dataclass(frozen=True)
-class Placed(Row):
-    """What runs on a node."""
-
-    node: str = ""
-    placement: str = ""
-    runs: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Workload(OfRobot):
     """A master, what helps it, or an app. `ended`, `ended_at`: how and when a container did that is started again."""
 
@@ -306,7 +297,6 @@ class Status:
     problems: tuple[Trouble, ...] = ()
     hosts: tuple[Host, ...] = ()
     nodes: tuple[Node, ...] = ()
-    placement: tuple[Placed, ...] = ()
     masters: tuple[Workload, ...] = ()
     helpers: tuple[Workload, ...] = ()
     apps: tuple[Workload, ...] = ()

@@ -42,7 +42,6 @@ class HostReport:
     failed_task: str | None
     changed: tuple[str, ...]
     ready: Data | None
-    rollout: Data | None
     counts: Counts
 
     def as_dict(self) -> Data:
@@ -133,7 +132,6 @@ class _Host:
     failed_task: str = ""
     unreachable: str = ""
     ready: Data | None = None
-    rollout: Data | None = None
     declared: RobotOutcome | None = None
     blocked: list[tuple[str, str]] = field(default_factory=list)  # host that ended the run for this one, and how
 
@@ -246,7 +244,6 @@ class RunReport:
         action, host = task.action if task else "", self.host(name)
         host.declared = results.outcome_of(action, result) or host.declared
         host.ready = results.ready_of(action, result) or host.ready
-        host.rollout = results.rollout_of(action, result) or host.rollout
         self._apis.update(result.get("apis") or {})
 
     def finish(
@@ -279,7 +276,7 @@ class RunReport:
         host = self._hosts[name]
         failed = (host.failed_task if counts.get("failures") else "") or None
         outcome, changed = host.outcome(counts, ended), tuple(host.changed)
-        return HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
+        return HostReport(name, host.groups, outcome, failed, changed, host.ready, dict(counts))
 
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""

@@ -72,7 +72,6 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
         ("state", lambda row: ("Ready" if row.ready else "NotReady") + (f", {row.reason}" if row.reason else "")),
         "version", "address", "roles", ("deploymentType", "placement"), "robot", ("other labels", "labels"),
     )),
-    ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
     ("ROS MASTERS", "masters", columns("robot", *WORKLOAD)),
     ("HELPERS", "helpers", columns("robot", ("helper", "name"), *WORKLOAD)),
     ("APPS", "apps", columns("robot", ("app", "name"), "placement", *WORKLOAD)),

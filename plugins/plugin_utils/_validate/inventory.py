@@ -40,49 +40,11 @@ RIGEL = {
     "rolling_update": "pattern or handoff of an app in ros_apps",
     "ros_version": "nothing: an app's image has its ROS, and that is ROS 1; ROS 2 is not served",
 }
-# Variables of versions before 1.0.0. Those of observability that are keys of its mapping now:
-_IN_THE_MAPPING = {
-    "enabled": "enabled", "prometheus_enabled": "prometheus.enabled", "scrape_interval": "prometheus.scrape_interval",
-    "evaluation_interval": "prometheus.evaluation_interval", "prometheus_retention": "prometheus.retention",
-    "loki_enabled": "loki.enabled", "loki_retention": "loki.retention", "loki_persistence": "loki.persistence.enabled",
-    "loki_size": "loki.persistence.size", "grafana_enabled": "grafana.enabled",
-    "grafana_admin_password": "grafana.admin_password", "default_dashboards": "grafana.default_dashboards",
-    "grafana_service_type": "grafana.service_type", "grafana_persistence": "grafana.persistence.enabled",
-    "grafana_size": "grafana.persistence.size", "node_exporter": "node_exporter", "ros_metrics": "ros_metrics",
-}  # fmt: skip
-_STORAGE = "nothing: it is /var/lib/rancher/k3s/storage, where another disk may be mounted"
-_DROP_IN = "MemoryHigh or MemoryMax in a drop-in of the unit k3s or k3s-agent"
-GONE = {
-    **{
-        f"{role}_{name}": f"update_{name}, which counts for every change of a host"
-        for role in ("k3s", "guarded")
-        for name in ("on_busy", "busy_timeout", "failure_budget")
-    },
-    **{f"observability_{name}": f"{key} in the mapping observability" for name, key in _IN_THE_MAPPING.items()},
-    **{
-        f"observability_{name}_image": f"observability_images: {{{name}: ...}}"
-        for name in ("prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent")
-    },
-    "collect_storage_path": _STORAGE,
-    "guarded_name": "nothing: a change is called as the file of its tasks",
-    "images_logins": "robot_namespace_pull_secrets",
-    "images_needed": "images_refs",
-    "k3s_disable": "disable in k3s_config",
-    "k3s_memory_high": _DROP_IN,
-    "k3s_memory_max": _DROP_IN,
-    "node_name": "k3s_node_name",
-    "node_ready_timeout": "k3s_start_timeout",
-    "observability_alertmanager_enabled": "observability_alertmanager_config: with one Alertmanager runs",
-    "observability_claims_path": _STORAGE,
-    "observability_ros_statistics": "nothing: latency and drops of nodes are no longer measured",
-    "preflight_interface": "flannel-iface in k3s_config",
-}
-INSTEAD = {**RIGEL, **GONE}
 
 
 def fleet_hosts(hostvars: Hosts, names: Iterable[str], problems: list[Problem]) -> dict[str, Said]:
     """`{host: {variable: value}}` to check: known variables and misspelt ones, all apps of a robot in one list, secrets
-    replaced by numbers. What is no variable any more, and what YAML can say beyond JSON's types, becomes a problem.
+    replaced by numbers. A key of a Rigelfile, and what YAML can say beyond JSON's types, becomes a problem.
 
     SpecError names everything that cannot be templated.
     """
@@ -106,9 +68,8 @@ def _picked(
     picked: dict[str, Any] = {}
     for name in map(str, variables):
         where = join_path(path, name)
-        if name in INSTEAD:  # whatever its value is, it has no effect
-            found = "is a key of a Rigelfile and has no effect here" if name in RIGEL else "is no variable any more"
-            problems.append(Problem(where, found, INSTEAD[name]))
+        if name in RIGEL:
+            problems.append(Problem(where, "is a key of a Rigelfile and has no effect here", RIGEL[name]))
         elif is_ours(name):
             try:
                 # a variable may be templated piece by piece, as it is read
@@ -149,7 +110,7 @@ def is_ours(name: str) -> bool:
     """Whether a variable is one of the collection's, or looks like a misspelt one."""
     known = known_variables()
     misspelt = OURS.match(name) and nearest_name(name, known, MISSPELT)
-    return name in known or name in INSTEAD or bool(misspelt)
+    return name in known or name in RIGEL or bool(misspelt)
 
 
 def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> Iterator[Problem]:

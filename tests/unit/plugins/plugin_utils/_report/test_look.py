@@ -99,7 +99,7 @@ def test_a_promised_topic_that_nobody_publishes() -> None:
 def test_nothing_found() -> None:
     assert fleet_status({}) == Status()
     text = status_text(Status())
-    assert text.count("  none") == 8 and "HOSTS\n  none\n" in text and "LAST" not in text and "ENDED" not in text
+    assert text.count("  none") == 7 and "HOSTS\n  none\n" in text and "LAST" not in text and "ENDED" not in text
 
 
 def test_what_is_handed_on_between_the_tasks_is_the_same_afterwards() -> None:
@@ -118,11 +118,6 @@ NODES
   node    state                version       address    roles          deploymentType  robot   other labels
   edge1   Ready                v1.34.2+k3s1  10.0.0.11  control-plane  remote          -       zone=a
   robot1  NotReady, NoKubelet  v1.34.2+k3s1  10.0.0.11  -              local           robot1  -
-
-PLACEMENT
-  node    deploymentType  runs
-  edge1   remote          robot1/stats
-  robot1  local           robot1/ros-master, robot1/temperature-sensor
 
 ROS MASTERS
   robot   ready  node    restarts  image

@@ -129,16 +129,11 @@ def test_actions_that_say_an_outcome_are_there() -> None:
     assert [name for name in ACTIONS if not (directory / f"{name}.py").exists()] == []
 
 
-def test_the_verdicts_of_our_own_waits() -> None:
+def test_the_verdict_on_the_graph() -> None:
     report = started()
     report.failed("t1", "robot1", {"verdict": "wait", "elapsed": 60.02, "checks": [HOLDS, SILENT]}, 2.0)
     unmet = ["topic /chatter: no publisher"]
     assert row(report)["ready"] == {"verdict": "wait", "elapsed": 60.02, "checks": 2, "unmet": unmet}
-    assert row(report)["rollout"] is None
-    report.task("t2", Task("Wait", "rollout_ready"), 2.0)
-    objects = [{"namespace": "n", **one} for one in (HOLDS, SILENT)]
-    report.failed("t2", "robot1", {"objects": objects, "elapsed": 2.5}, 3.0)
-    assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["topic n//chatter: no publisher"]}
 
 
 def test_durations_of_tasks_stages_and_plays() -> None:
