@@ -51,7 +51,7 @@ class ActionModule(FleetAction):
         text = f"{summary_text(status, now, look.name)}\n{tables}"
         voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
-        result: Result = {"status": status.as_dict(), "text": text, "_ansible_verbose_override": True}
+        result: Result = {"text": text, "_ansible_verbose_override": True}
         try:
             limit = str(known.get("ansible_limit") or "")
             path = placed(params["page"])

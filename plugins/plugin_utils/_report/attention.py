@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from . import rows
-from .glance import BAD, WARN, hosts_away, is_unknown, level, places
-from .rows import Row, Status, Told, some
+from .glance import hosts_away, is_unknown, level
+from .rows import BAD, WARN, Row, Status, Told, some
 
 RUNBOOKS = "https://github.com/rosops/fleet/blob/main/docs/runbooks"  # as in the alerts' rules
 # Causes come before what they may be the cause of.
@@ -95,8 +95,8 @@ def _causes(row: Row, status: Status) -> Iterator[Key]:
                 yield "cluster", row.cluster
             if row.graph:
                 yield "graph", row.graph
-    if len(places(row)) == 1:
-        yield "host", places(row)[0]
+    if len(hosts := row.told().hosts) == 1:
+        yield "host", hosts[0]
 
 
 def _servers_away(cluster: str, status: Status) -> bool:

@@ -11,8 +11,8 @@ from typing import Any
 
 from ...module_utils._common.errors import printable
 from .attention import Finding, attention
-from .glance import BAD, OK, counts, level
-from .rows import Row, Status, Topic
+from .glance import counts, level
+from .rows import BAD, OK, Row, Status, Topic
 
 WIDTH = 120
 GAP = "  "
