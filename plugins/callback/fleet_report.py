@@ -148,7 +148,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.disabled = tuple(map(int, __version__.split(".")[:2])) < CORE
         self.broken = False
         self.report = RunReport(time.monotonic())
-        self.started = time.time()
+        self.started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         self.playbook = ""
         standing = Standing(Path(C.DEFAULT_LOCAL_TMP))
         self.silence = Silence(self._display.display, time.monotonic, standing.words)
@@ -170,7 +170,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.silence.begins(play.get_name().strip())
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
-        note_run(self.report.so_far(self.playbook, self._started()))
+        note_run(self.report.so_far(self.playbook, self.started))
 
     @harmless
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
@@ -217,13 +217,10 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
             time.monotonic(),
             playbook=self.playbook,
             check_mode=bool(context.CLIARGS.get("check")),
-            started=self._started(),
+            started=self.started,
         )
         self._print(report)
         self._write(report)
-
-    def _started(self) -> str:
-        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.started))
 
     def _print(self, report: Report) -> None:
         check_mode = report.check_mode

@@ -91,16 +91,13 @@ def _causes(row: Row, status: Status) -> Iterator[Key]:
                 yield "app", f"{row.promised.robot}/{row.promised.app}"
             yield "graph", row.robot
         case rows.Trouble():
-            if row.cluster and _servers_away(row.cluster, status):
+            servers = [host for host in status.hosts if (host.cluster, host.role) == (row.cluster, "server")]
+            if row.cluster and not any(host.reachable for host in servers):
                 yield "cluster", row.cluster
             if row.graph:
                 yield "graph", row.graph
     if len(hosts := row.told().hosts) == 1:
         yield "host", hosts[0]
-
-
-def _servers_away(cluster: str, status: Status) -> bool:
-    return not any(row.reachable for row in status.hosts if (row.cluster, row.role) == (cluster, "server"))
 
 
 # ---- in words

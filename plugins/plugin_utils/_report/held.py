@@ -155,9 +155,8 @@ def _lately(pods: Iterable[Object], now: float) -> tuple[str, str]:
 
 def _went_back(deployment: Object) -> list[rows.WentBack]:
     """What the keeper took back, as nobody else did; it stands there until the next step."""
-    robot, namespace = _robot(deployment), _namespace(deployment)
     return [
-        rows.WentBack(robot, app, namespace, told["from"], told["to"], told["at"], told["reason"])
+        rows.WentBack(_robot(deployment), app, told["from"], told["to"], told["at"], told["reason"])
         for app, told in ways_back([deployment]).items()
     ]
 

@@ -146,7 +146,6 @@ class Workload(OfRobot):
 class WentBack(OfRobot):
     """An app that a keeper took back from the revision `before` to `after`."""
 
-    namespace: str = ""
     before: str = ""
     after: str = ""
     at: str = ""
