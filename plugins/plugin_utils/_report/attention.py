@@ -46,8 +46,8 @@ class Finding:
     def takes(self) -> list[str]:
         by_section: dict[str, list[str]] = {}
         for section, row in self.followers:
-            by_section.setdefault(section, []).append(_short(row))
-        return [_counted(section, named) for section, named in by_section.items()]
+            by_section.setdefault(section, []).append(row.told().where)
+        return [some(named) for named in by_section.values()]
 
 
 def attention(status: Status) -> list[Finding]:
@@ -98,31 +98,3 @@ def _causes(row: Row, status: Status) -> Iterator[Key]:
                 yield "graph", row.graph
     if len(hosts := row.told().hosts) == 1:
         yield "host", hosts[0]
-
-
-# ---- in words
-
-_PLURAL = {
-    "nodes": "node", "masters": "ROS master", "helpers": "helper", "apps": "app", "ros_nodes": "ROS node",
-    "topics": "topic", "claims": "claim", "outcomes": "last run", "problems": "",
-}  # fmt: skip
-
-
-def _short(row: Row) -> str:
-    match row:
-        case rows.LastRun():
-            return f"{row.playbook} {row.outcome}"
-        case rows.Trouble():
-            return row.where
-        case rows.Workload() if row.is_master:
-            return f"of {row.robot}"
-        case rows.Node() | rows.OfRobot():
-            return row.name
-    return ""
-
-
-def _counted(section: str, named: list[str]) -> str:
-    noun = _PLURAL[section]
-    if len(named) == 1 or not noun:
-        return f"{noun} {some(named)}".strip()
-    return f"{len(named)} {noun}s: {some(named)}"

@@ -92,7 +92,9 @@ def test_a_promised_topic_that_nobody_publishes() -> None:
     assert [level_of(row) for row in status.topics] == ["bad"]
     assert [one.told.what for one in attention(status)] == ["nobody publishes it; bringup promises at least 90 Hz"]
     down = fleet_status({**sources, "deployments": [workload("bringup", ready=0)]})
-    assert [(one.told.where, one.takes) for one in attention(down)] == [("app bringup of robot1", ["topic /imu"])]
+    assert [(one.told.where, one.takes) for one in attention(down)] == [
+        ("app bringup of robot1", ["topic /imu of robot1"])
+    ]
 
 
 def test_nothing_found() -> None:
