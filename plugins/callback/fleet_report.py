@@ -57,6 +57,7 @@ requirements:
 """
 
 import contextlib
+import itertools
 import json
 import os
 import time
@@ -74,7 +75,7 @@ from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, U
 from ..plugin_utils._report.files import placed, write
 from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
-from ..plugin_utils._report.run import Report, RunReport, Task, screen, word_of
+from ..plugin_utils._report.run import Report, RunReport, Task, screen
 from ..plugin_utils._report.silence import LOOK, Silence
 from ..plugin_utils._update.ledger import Standing
 from ..plugin_utils._update.world import ticking
@@ -195,12 +196,10 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self._write(report)
 
     def _print(self, report: Report) -> None:
-        check_mode = report.check_mode
-        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if check_mode else ""))
-        colours = {word_of(outcome, check_mode): colour for outcome, colour in COLOURS.items()}
-        hosts = [""] + [colours[word_of(host["outcome"], check_mode)] for host in report.hosts]
-        for number, line in enumerate(screen(report, max(int(self._display.columns), 120))):
-            self._display.display(line, color=(hosts[number] or None) if number < len(hosts) else None)
+        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if report.check_mode else ""))
+        colours = [None, *(COLOURS[host["outcome"]] for host in report.hosts)]
+        for line, colour in itertools.zip_longest(screen(report, max(int(self._display.columns), 120)), colours):
+            self._display.display(line, color=colour)
 
     def _write(self, report: Report) -> None:
         path = placed(str(self.get_option("path") or ""))

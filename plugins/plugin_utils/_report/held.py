@@ -44,7 +44,7 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
     deployments, pods = all_of("Deployment"), all_of("Pod")
     maps = all_of("ConfigMap")
     ours = [one for one in deployments if labels_of(one).get("app.kubernetes.io/managed-by") == names.MANAGER]
-    workloads = sorted((_workload(one, _pods_of(one, pods), now) for one in ours), key=_place)
+    workloads = sorted((_workload(one, pods, now) for one in ours), key=_place)
     return Status(
         nodes=tuple(nodes),
         masters=tuple(one for one in workloads if one.is_master),
@@ -90,6 +90,7 @@ def _node(node: Object) -> rows.Node:
     addresses = [one.get("address") for one in status.get("addresses") or [] if one.get("type") == "InternalIP"]
     on = ready.get("status") == "True"
     cordoned = bool((node.get("spec") or {}).get("unschedulable"))
+    chosen = [item for item in sorted(labels.items()) if item[0] not in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)]
     return rows.Node(
         name=name_of(node),
         ready=on,
@@ -100,21 +101,13 @@ def _node(node: Object) -> rows.Node:
         roles=tuple(sorted(key[len(ROLE_LABEL) :] for key in labels if key.startswith(ROLE_LABEL))),
         placement=labels.get(names.LABEL_PLACEMENT, ""),
         robot=labels.get(names.LABEL_ROBOT, ""),
-        labels={key: value for key, value in sorted(labels.items()) if _is_chosen(key)},
+        labels={key: value for key, value in chosen if not key.partition("/")[0].endswith(BUILT_IN_LABELS)},
     )
 
 
-def _is_chosen(label: str) -> bool:
-    own = label in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)
-    return not own and not label.partition("/")[0].endswith(BUILT_IN_LABELS)
-
-
-def _pods_of(deployment: Object, pods: Iterable[Object]) -> list[Object]:
+def _workload(deployment: Object, all_pods: Iterable[Object], now: float) -> rows.Workload:
     key = (_namespace(deployment), app_of(deployment) or name_of(deployment))
-    return [pod for pod in pods if (_namespace(pod), app_of(pod)) == key]
-
-
-def _workload(deployment: Object, pods: Sequence[Object], now: float) -> rows.Workload:
+    pods = [pod for pod in all_pods if (_namespace(pod), app_of(pod)) == key]
     spec, status = deployment.get("spec") or {}, deployment.get("status") or {}
     pod_spec = (spec.get("template") or {}).get("spec") or {}
     live = [pod for pod in pods if not is_terminating(pod)]

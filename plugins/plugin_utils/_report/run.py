@@ -48,16 +48,13 @@ class Report:
     apis: Mapping[str, Api]
 
 
-def word_of(outcome: str, check_mode: bool) -> str:
-    return WOULD.get(outcome, outcome) if check_mode else outcome
-
-
 def screen(report: Report, width: int = 120) -> list[str]:
     """The report in lines: a host each, then where the time went."""
+    would = WOULD if report.check_mode else {}
     rows = [
         (
             host["host"],
-            word_of(host["outcome"], report.check_mode),
+            would.get(host["outcome"], host["outcome"]),
             _graph_words(host["ready"]),
             host["counts"].get("changed", 0),
             note_of(host["reason"], host["failed_task"] or ""),
