@@ -198,7 +198,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     def _print(self, report: Report) -> None:
         self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if report.check_mode else ""))
         colours = [None, *(COLOURS[host["outcome"]] for host in report.hosts)]
-        for line, colour in itertools.zip_longest(screen(report, max(int(self._display.columns), 120)), colours):
+        for line, colour in itertools.zip_longest(screen(report), colours):
             self._display.display(line, color=colour)
 
     def _write(self, report: Report) -> None:

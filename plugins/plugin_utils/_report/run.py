@@ -48,8 +48,8 @@ class Report:
     apis: Mapping[str, Api]
 
 
-def screen(report: Report, width: int = 120) -> list[str]:
-    """The report in lines: a host each, then where the time went."""
+def screen(report: Report) -> list[str]:
+    """The report in lines: a host each, with the whole of its cause, then where the time went."""
     would = WOULD if report.check_mode else {}
     rows = [
         (
@@ -61,7 +61,7 @@ def screen(report: Report, width: int = 120) -> list[str]:
         )
         for host in report.hosts
     ]
-    lines = table(HEADERS, rows, width, wrapped=True) if rows else ["no host took part"]
+    lines = table(HEADERS, rows) if rows else ["no host took part"]
     slow = sorted(report.stages, key=itemgetter("seconds"), reverse=True)[:STAGES_SHOWN]
     spent = ", ".join(f"{one['name']} {one['seconds']:.1f} s" for one in slow if one["seconds"] >= 0.1)
     return [*lines, f"{report.elapsed:.1f} s" + (f": {spent}" if spent else "")]

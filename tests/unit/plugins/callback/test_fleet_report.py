@@ -22,8 +22,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import Ru
 
 
 class FakeDisplay:
-    columns = 79
-
     def __init__(self) -> None:
         self.lines, self.warnings = list[str](), list[str]()
         self.banner, self.warning = self.lines.append, self.warnings.append

@@ -193,10 +193,8 @@ def test_the_screen_says_a_cause_to_its_end() -> None:
     report = started()
     cause = "rate /imu/data: 45.4 Hz by /imu_driver_7888acda " + "and so on " * 20 + "of at least 90 Hz"
     report.failed("t1", "robot1", {"msg": cause}, 2.0)
-    lines = screen(report.finish({"robot1": FAILED}, 3.0))
-    assert max(map(len, lines)) <= 120
-    said = " ".join(line.rpartition("  ")[2] for line in lines[1:-1])
-    assert said == f"{cause} (task: Apply)"
+    _headers, line, _spent = screen(report.finish({"robot1": FAILED}, 3.0))
+    assert line.endswith(f"  {cause} (task: Apply)")
 
 
 def example(check_mode: bool = False) -> Report:
