@@ -50,16 +50,11 @@ def fleet_hosts(hostvars: Hosts, names: Iterable[str], problems: list[Problem]) 
     """
     seen: dict[str, str] = {}
     unread: list[Problem] = []
-    hosts = {name: _picked(variables_of(hostvars, name), f"hosts.{name}", seen, problems, unread) for name in names}
+    hosts = {name: _picked(hostvars.get(name, {}), f"hosts.{name}", seen, problems, unread) for name in names}
     if unread:
         lines = "\n".join(problem.line() for problem in unread)
         raise SpecError(f"variables that cannot be read:\n{lines}", errors=[problem._asdict() for problem in unread])
     return {name: layered(said, f"hosts.{name}", problems) for name, said in hosts.items()}
-
-
-def variables_of(hostvars: Hosts, host: str) -> Said:
-    """Those of a host; none of one that is not there."""
-    return hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
 
 
 def _picked(
@@ -130,7 +125,7 @@ def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> It
         yield Problem(WAVES, wrong, "numbers above 0 and percentages, such as 1, 25%, 100%")
     at: list[tuple[str, tuple[str, str]]] = []
     for host in names:
-        own = variables_of(hostvars, host)
+        own = hostvars.get(host, {})
         address, port, connection = (_read(own, f"ansible_{key}") for key in ("host", "port", "connection"))
         if address and connection in SSH:
             at.append((host, (address, port or "22")))
@@ -146,7 +141,7 @@ def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> It
 def near_misses(hostvars: Hosts, names: Iterable[str]) -> Iterator[Problem]:
     """Variables that hardly differ from one of ours. They may well be the inventory's own, so they are no errors."""
     for host in names:
-        for name in variables_of(hostvars, host):
+        for name in hostvars.get(host, {}):
             if near := _near(str(name)):
                 yield Problem(f"hosts.{host}.{name}", f"is no variable of this collection; did you mean {near}?")
 
