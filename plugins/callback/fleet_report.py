@@ -152,7 +152,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
         self.silence.begins(name_of(task))
-        role, for_all = getattr(task, "_role", None), task.run_once is True or task.any_errors_fatal is True
+        for_all = task.run_once is True or task.any_errors_fatal is True
+        role = getattr(task, "_role", None)
         stage = str(role.get_name()).rpartition(".")[2] if role else ""
         info = Task(name_of(task), str(task.action), stage, for_all)
         self.report.task(identity(task), info, time.monotonic())

@@ -144,7 +144,8 @@ def members(fleet: Fleet, addresses: Mapping[str, str], results: Mapping[str, Re
     away = {name: message_of(result) for name, result in results.items() if result.get("unreachable")}
     found = []
     for name, address in addresses.items():
-        part, robot, group = fleet.hosts[name], fleet.robots.get(name), "robots" if name in fleet.robots else "edge"
+        part, robot = fleet.hosts[name], fleet.robots.get(name)
+        group = "robots" if robot else "edge"
         row = rows.Host(name, group, address, part.role, part.cluster, name not in away, away.get(name, ""))
         found.append(Member(row, part.servers, robot))
     return found

@@ -80,8 +80,11 @@ class Host(Row):
     reason: str = ""
 
     def told(self) -> Told:
-        away, runbook = (WARN, "RobotOffline") if self.group == "robots" else (BAD, "")  # robots come and go
-        level, todo = OK if self.reachable else away, f"ansible {self.name} -m ansible.builtin.ping"
+        is_robot = self.group == "robots"
+        away = WARN if is_robot else BAD  # robots come and go
+        level = OK if self.reachable else away
+        runbook = "RobotOffline" if is_robot else ""
+        todo = f"ansible {self.name} -m ansible.builtin.ping"
         return Told(level, f"host {self.name}", joined("offline", self.reason), "", todo, runbook)
 
 
@@ -138,7 +141,8 @@ class Workload(OfRobot):
         if self.ended and "CrashLoopBackOff" not in note:
             note = "; ".join(filter(None, (note, self.ended)))
         what = joined(f"{self.ready} of {self.wanted} ready", note)
-        level, runbook = OK if self.ready >= self.wanted else BAD, "RosMasterDown" if self.is_master else ""
+        level = OK if self.ready >= self.wanted else BAD
+        runbook = "RosMasterDown" if self.is_master else ""
         return Told(level, f"{where} of {self.robot}", what, self.since, todo, runbook, self.nodes)
 
 
@@ -215,8 +219,10 @@ class Topic(OfRobot):
         found = "nobody publishes it" if self.rate is None else f"{self.rate:.1f} Hz"
         if self.promised is None:
             return Told("", where, found)
-        slow = self.rate is not None and self.rate < self.promised.min_rate * (1 - RATE_TOLERANCE)
-        level = (WARN if slow else OK) if self.publishers else BAD
+        level = OK if self.publishers else BAD
+        least = self.promised.min_rate * (1 - RATE_TOLERANCE)
+        if self.publishers and self.rate is not None and self.rate < least:
+            level = WARN
         told = f"{found}; {self.promised.app} promises at least {self.promised.min_rate:g} Hz"
         todo = logs_of(self.promised.robot, self.promised.app, " --since 10m")
         return Told(level, where, told, "", todo, "RosTopicSilent" if self.rate is None else "RosTopicRateDrop")
@@ -256,10 +262,12 @@ class Claim(OfRobot):
     def told(self) -> Told:
         where, kubectl = f"claim {self.name} of {self.robot}", f"k3s kubectl -n {self.namespace}"
         if not self.bound:
-            level, what = OK if self.unused else BAD, self.note or self.phase or "not bound"
+            level = OK if self.unused else BAD
+            what = self.note or self.phase or "not bound"
             return Told(level, where, what, self.since, f"{kubectl} describe pvc {self.name}", "", (self.robot,))
         # a host that is off takes its claims along; one without a number is not told by itself
-        level, what, size = OK, "not measured", quantity_value(self.size)
+        level, what = OK, "not measured"
+        size = quantity_value(self.size)
         if size and self.used_bytes is not None:
             share = float(self.used_bytes) / float(size)
             level, what = WARN if share >= NEARLY_FULL else OK, f"{share:.0%} used"
@@ -279,8 +287,9 @@ class LastRun(Row):
 
     def told(self) -> Told:
         named = f"rosops.fleet.{self.playbook.removesuffix('.yml')}" if self.playbook in OURS else self.playbook
-        level, where = OUTCOMES.get(self.outcome, OK), f"last {self.playbook} on {self.host}"
-        what, todo = joined(self.outcome, self.note), f"ansible-playbook {named} --limit {self.host}"
+        where, what = f"last {self.playbook} on {self.host}", joined(self.outcome, self.note)
+        level = OUTCOMES.get(self.outcome, OK)
+        todo = f"ansible-playbook {named} --limit {self.host}"
         if level == WARN:
             return Told(level, where, what, self.started, todo, "", (self.host,) if self.outcome == OFFLINE else ())
         return Told(level, where, what, self.started, f"{todo} --check --diff", "RobotUpdateFailed")
