@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from ansible.utils.display import Display
@@ -51,7 +51,7 @@ class ActionModule(FleetAction):
         text = f"{summary_text(status, now, look.name)}\n{tables}"
         voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
-        result: Result = {"status": status.as_dict(), "text": text, "_ansible_verbose_override": True}
+        result: Result = {"text": text, "_ansible_verbose_override": True}
         try:
             limit = str(known.get("ansible_limit") or "")
             path = placed(params["page"])
@@ -65,11 +65,9 @@ class ActionModule(FleetAction):
         return result
 
 
-def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> list[Trouble]:
+def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> Iterator[Trouble]:
     """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
-    failed = {host: one for host, one in results.items() if "graph" not in one and not one.get("unreachable")}
-    whose = {host: graphs[host].robot for host in failed}
-    return [
-        Trouble(f"ROS graph of {host}", message_of(one), logs_of(whose[host], names.MASTER_NAME), graph=whose[host])
-        for host, one in failed.items()
-    ]
+    for host, one in results.items():
+        if "graph" not in one and not one.get("unreachable"):
+            whose = graphs[host].robot
+            yield Trouble(f"ROS graph of {host}", message_of(one), logs_of(whose, names.MASTER_NAME), graph=whose)

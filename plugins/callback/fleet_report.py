@@ -34,9 +34,9 @@ description:
     (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many), C(apis) (of each cluster that
     the run asked C(host) and C(source), the API's address and whence the access to it was)."
   - "A host in the file: C(host), C(groups), C(outcome), C(reason), C(failed_task), C(changed) (names of tasks),
-    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and
-    unmet ones of M(rosops.fleet.rollout_ready)), C(steps) (of an update, each with C(name), C(apps), C(handoff),
-    C(outcome), C(reason), C(from), C(to), C(phases) in seconds, C(busy_wait)), C(counts) (Ansible's own)."
+    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(steps) (of an update, each with
+    C(name), C(apps), C(handoff), C(outcome), C(reason), C(from), C(to), C(phases) in seconds, C(busy_wait)), C(counts)
+    (Ansible's own)."
   - Seconds of a task run from its start to its last host's result, so they add up to the run only under a strategy that
     takes one task after the other.
 options:
@@ -57,11 +57,10 @@ requirements:
 """
 
 import contextlib
-import functools
+import itertools
 import json
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -71,11 +70,12 @@ from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
 from ansible.release import __version__
 
+from ..plugin_utils._model.keys import plain
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 from ..plugin_utils._report.files import placed, write
 from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
-from ..plugin_utils._report.run import Report, RunReport, Task, screen, word_of
+from ..plugin_utils._report.run import Report, RunReport, Task, screen
 from ..plugin_utils._report.silence import LOOK, Silence
 from ..plugin_utils._update.ledger import Standing
 from ..plugin_utils._update.world import ticking
@@ -90,27 +90,6 @@ COLOURS = {
     BUSY: C.COLOR_WARN,
     ROLLED_BACK: C.COLOR_WARN,
 }
-
-
-def harmless(method: Callable[..., None]) -> Callable[..., None]:
-    """A report must never end a run: what goes wrong here is told once."""
-
-    @functools.wraps(method)
-    def call(self: CallbackModule, *args: Any, **kwargs: Any) -> None:
-        try:
-            method(self, *args, **kwargs)
-        except Exception as exc:
-            if not self.broken:
-                self._display.warning(f"fleet_report: {method.__name__}: {exc!r}; the report may be incomplete")
-            self.broken = True
-
-    return call
-
-
-def stage_of(task: Any) -> str:
-    """The role that the task belongs to, without its collection; empty outside of roles."""
-    role = getattr(task, "_role", None)
-    return str(role.get_name()).rpartition(".")[2] if role else ""
 
 
 def name_of(task: Any) -> str:
@@ -137,6 +116,8 @@ def paths_of(path: Path, report: Report) -> list[Path]:
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
+    """What goes wrong in a method ansible-core makes a warning of, and the run goes on."""
+
     CALLBACK_VERSION = 2.0
     CALLBACK_TYPE = "aggregate"
     CALLBACK_NAME = "rosops.fleet.fleet_report"
@@ -146,9 +127,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         super().__init__()
         # an older one hands results on in another way; the first task of each playbook says that it is too old
         self.disabled = tuple(map(int, __version__.split(".")[:2])) < CORE
-        self.broken = False
         self.report = RunReport(time.monotonic())
-        self.started = time.time()
+        self.started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         self.playbook = ""
         standing = Standing(Path(C.DEFAULT_LOCAL_TMP))
         self.silence = Silence(self._display.display, time.monotonic, standing.words)
@@ -157,26 +137,25 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     # --- what happens -----------------------------------------------------------------------------------------------
 
-    @harmless
     def v2_playbook_on_start(self, playbook: Any) -> None:
         self.playbook = Path(playbook_file(playbook)).name
         self.ahead = {identity(play) for play in playbook.get_plays()}
         self.beside.enter_context(ticking(LOOK, self.silence.look))
 
-    @harmless
     def v2_playbook_on_play_start(self, play: Any) -> None:
         self.ahead.discard(identity(play))
         manager = play.get_variable_manager()
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.silence.begins(play.get_name().strip())
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
-        note_run(self.report.so_far(self.playbook, self._started()))
+        note_run(self.report.so_far(self.playbook, self.started))
 
-    @harmless
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
         self.silence.begins(name_of(task))
         for_all = task.run_once is True or task.any_errors_fatal is True
-        info = Task(name_of(task), str(task.action), stage_of(task), for_all)
+        role = getattr(task, "_role", None)
+        stage = str(role.get_name()).rpartition(".")[2] if role else ""
+        info = Task(name_of(task), str(task.action), stage, for_all)
         self.report.task(identity(task), info, time.monotonic())
 
     v2_playbook_on_handler_task_start = v2_playbook_on_task_start
@@ -188,26 +167,21 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.report.host(name, [group.get_name() for group in result.host.get_groups()])
         return identity(result.task), name, secret_free(result), time.monotonic()
 
-    @harmless
     def v2_runner_on_ok(self, result: Any) -> None:
         self.report.ok(*self._ended(result))
 
-    @harmless
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:
         self.report.failed(*self._ended(result), ignore_errors)
 
-    @harmless
     def v2_runner_on_skipped(self, result: Any) -> None:
         task, host, _data, now = self._ended(result)
         self.report.ran(task, host, now)
 
-    @harmless
     def v2_runner_on_unreachable(self, result: Any) -> None:
         self.report.unreachable(*self._ended(result))
 
     # --- the report -------------------------------------------------------------------------------------------------
 
-    @harmless
     def v2_playbook_on_stats(self, stats: Any) -> None:
         self.beside.close()
         if self.ahead:
@@ -217,27 +191,22 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
             time.monotonic(),
             playbook=self.playbook,
             check_mode=bool(context.CLIARGS.get("check")),
-            started=self._started(),
+            started=self.started,
         )
         self._print(report)
         self._write(report)
 
-    def _started(self) -> str:
-        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.started))
-
     def _print(self, report: Report) -> None:
-        check_mode = report.check_mode
-        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if check_mode else ""))
-        colours = {word_of(outcome, check_mode): colour for outcome, colour in COLOURS.items()}
-        hosts = [""] + [colours[word_of(host.outcome.outcome, check_mode)] for host in report.hosts]
-        for number, line in enumerate(screen(report, max(int(self._display.columns), 120))):
-            self._display.display(line, color=(hosts[number] or None) if number < len(hosts) else None)
+        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if report.check_mode else ""))
+        colours = [None, *(COLOURS[host["outcome"]] for host in report.hosts)]
+        for line, colour in itertools.zip_longest(screen(report), colours):
+            self._display.display(line, color=colour)
 
     def _write(self, report: Report) -> None:
         path = placed(str(self.get_option("path") or ""))
         if path is None:
             return
-        text = json.dumps(report.as_dict(), indent=2, default=str) + "\n"
+        text = json.dumps(plain(report), indent=2, default=str) + "\n"
         for place in paths_of(path, report):
             write(place, text)
         # AWX deletes the copy of the project in which a job runs

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +48,7 @@ class Stage(Scene):
 
     def play(self, recorded: Nodes, *names: str) -> None:
         path = self.directory / "plan.json"
-        path.write_text(json.dumps({"nodes": [asdict(recorded[name]) for name in names]}), "utf-8")
+        path.write_text(json.dumps({"nodes": [recorded[name] for name in names]}), "utf-8")
         self._start("stand-in", PYTHON, stand_in.__file__, str(path))
 
     def graph(self, seconds: float = 0.1) -> dict[str, Any]:
@@ -69,7 +68,7 @@ class Stage(Scene):
 
         until("the whole graph", whole, 60)
         kept = json.dumps({"kind": KIND, "version": VERSION, "apps": [], "graph": self.graph(WINDOW)})
-        return {node.name: node for node in parts(json.loads(kept), "the file")[OTHERS].nodes}
+        return {node["name"]: node for node in parts(json.loads(kept), "the file")[OTHERS].nodes}
 
 
 @contextmanager
@@ -98,15 +97,15 @@ def scene(tmp_path: Path) -> Iterator[Stage]:
 
 
 def rates(nodes: Nodes) -> dict[str, float]:
-    return {topic.name: topic.rate for node in nodes.values() for topic in node.publishes if topic.rate}
+    return {topic["name"]: topic["rate"] for node in nodes.values() for topic in node["publishes"] if topic["rate"]}
 
 
 def without_rates(nodes: Nodes) -> Nodes:
     return {
-        name: replace(
-            node,
-            publishes=tuple(replace(one, rate=0.0, definition=one.definition.strip()) for one in node.publishes),
-        )
+        name: {
+            **node,
+            "publishes": [{**one, "rate": 0.0, "definition": one["definition"].strip()} for one in node["publishes"]],
+        }
         for name, node in nodes.items()
     }
 

@@ -82,29 +82,24 @@ class Robot:
     @classmethod
     def from_variables(cls, variables: Variables, name: str) -> Robot:
         """The robot of an inventory host from its Ansible variables, as `read` takes them."""
-
-        def variable(key: str) -> Any:
-            # `in` first: hostvars answers .get() of a name it does not know with a marker on some versions
-            return variables[key] if key in variables else None  # noqa: SIM401
-
-        apps = variable("ros_apps") or ()
+        apps = variables.get("ros_apps") or ()
         master = ("mode", "image", "uri", "placement", "overrides", "goal_forwarding", "keeper_overrides")
         found = read(
             cls,
             {
                 "name": name,
                 "namespace": names.robot_namespace(name),
-                "mode": variable("robot_mode"),
+                "mode": variables.get("robot_mode"),
                 "apps": apps,
-                "volumes": (variable("persistent_storage") or {}).get("volumes"),
-                "master": {key: variable(f"ros_master_{key}") for key in master},
-                "quota": variable("robot_namespace_quota"),
-                "limits": variable("robot_namespace_limits"),
-                "pod_security": variable("robot_namespace_pod_security"),
-                "pull_secrets": [secret["name"] for secret in variable("robot_namespace_pull_secrets") or ()],
-                "when": variable("update_when"),
-                "observability": variable("observability"),
-                "windows": {"spans": variable("update_windows"), "zone": variable("update_timezone")},
+                "volumes": (variables.get("persistent_storage") or {}).get("volumes"),
+                "master": {key: variables.get(f"ros_master_{key}") for key in master},
+                "quota": variables.get("robot_namespace_quota"),
+                "limits": variables.get("robot_namespace_limits"),
+                "pod_security": variables.get("robot_namespace_pod_security"),
+                "pull_secrets": [secret["name"] for secret in variables.get("robot_namespace_pull_secrets") or ()],
+                "when": variables.get("update_when"),
+                "observability": variables.get("observability"),
+                "windows": {"spans": variables.get("update_windows"), "zone": variables.get("update_timezone")},
             },
         )
         settled = (_settled(app, said, found) for app, said in zip(found.apps, apps))

@@ -128,11 +128,6 @@ def _parses(parse: Callable[[str], object], text: str) -> bool:
     return True
 
 
-def time_zone(text: str) -> bool:
-    """Whether this machine's time zone database has it."""
-    return _parses(ZoneInfo, text)
-
-
 def _text(pattern: str, allowed: str, longest: int = 253) -> Form:
     compiled = re.compile(pattern, re.ASCII)
     return Form(lambda text: len(text) <= longest and compiled.fullmatch(text) is not None, allowed)
@@ -190,8 +185,8 @@ FORMS: dict[str, Form] = {
                       "an IP address, or one of each family with a comma between them"),
     "time-of-day": _text(r"(?:[01][0-9]|2[0-3]):[0-5][0-9]|24:00",
                          'hours and minutes in quotes, such as "06:30" or "22:00"'),
-    "time-zone": Form(time_zone, "a name of the time zone database such as Europe/Berlin (a control node without one: "
-                      "pip install tzdata)"),
+    "time-zone": Form(lambda text: _parses(ZoneInfo, text), "a name of the time zone database such as Europe/Berlin "
+                      "(a control node without one: pip install tzdata)"),
     "label-value": _text(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", "at most 63 letters, digits, -, _ and .", 63),
     "label-name": _text(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9](?:[-\w.]{{0,61}}[A-Za-z0-9])?",
                         "a label such as example.org/site"),

@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-from collections import UserDict
 from collections.abc import Iterator, Mapping
-from typing import Any
 
-from ansible.template import Templar
-from ansible.vars.hostvars import HostVars
+from ansible.vars.hostvars import HostVars, HostVarsVars
 
-from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.documents import Variables
 from .._upstream import ansible_core
 
 
@@ -30,21 +27,11 @@ class HostVariables(Mapping[str, Variables]):
         if not isinstance(self._hostvars, HostVars):
             return self._hostvars[host]
         variables = {**self._hostvars.raw_get(host), "hostvars": self._hostvars}
-        return _Templated(variables, ansible_core.loader_of(self._hostvars))
+        found: Variables = HostVarsVars(variables, ansible_core.loader_of(self._hostvars), host)
+        return found
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._hostvars)
 
     def __len__(self) -> int:
         return len(self._hostvars)
-
-
-class _Templated(UserDict[str, Any]):
-    """Variables of one host, each templated when it is asked for."""
-
-    def __init__(self, variables: Result, loader: Any) -> None:
-        self._templar = Templar(loader=loader, variables=variables)
-        self.data = variables
-
-    def __getitem__(self, name: str) -> Any:
-        return self._templar.template(self.data[name])

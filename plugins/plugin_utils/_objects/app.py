@@ -78,7 +78,7 @@ def app_deployment(app: App, robot: Robot) -> Object:
 
 def plain_deployment(app: App, robot: Robot) -> Object:
     """The Deployment before the overrides and without the ROS node name."""
-    notes, pod = {names.ANNOTATION_HANDOFF: str(app.handoff)}, dict[str, Any]()
+    notes, pod = {words.HANDOFF: str(app.handoff)}, dict[str, Any]()
     if app.liveness_timeout != words.LIVENESS_TIMEOUT:
         notes[words.LIVENESS] = str(app.liveness_timeout)
     if app.host_network:  # then the Service name ros-master resolves only when it is asked for
@@ -87,7 +87,7 @@ def plain_deployment(app: App, robot: Robot) -> Object:
         pod["initContainers"] = [hooks.sidecar(app, robot, _for_hooks(app, robot))]
     if app.hooks == "gate":  # who looks at its pods from outside is told what is to be seen of them
         pod["readinessGates"] = [{"conditionType": words.READINESS}]
-        notes[names.ANNOTATION_SETTINGS] = json.dumps(gate_settings(app, robot), sort_keys=True)
+        notes[words.SETTINGS] = json.dumps(gate_settings(app, robot), sort_keys=True)
     code = [hooks.code_volume(app)] if app.hooks in hooks.IN_POD else []
     spec = pod_spec(
         [_container(app, robot)],

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,38 +28,11 @@ OTHERS = "rehearsal-others"  # plays the nodes that are no app's
 LOG_NODE, LOG_TOPICS = "/rosout", ("/rosout", "/rosout_agg")
 Recorded = Mapping[str, Any]  # an app, or the graph, as the file has it
 Item = Mapping[str, Any]  # of ros_apps
+Node = Mapping[str, Any]  # as the stand-in reads it: name, publishes, subscribes and services
 DIRECTORY = "/opt/rosops-rehearsal"
 PROGRAM, PLAN = f"{DIRECTORY}/stand_in.py", f"{DIRECTORY}/plan.json"
 # Of an action, in Hz, whoever listens. A goal of zeros would begin work in a server, and nobody asked for it.
 RATES = {"goal": 0.0, "cancel": 0.0, "status": 5.0}
-
-
-@dataclass(frozen=True)
-class Published:
-    """`rate`: messages per second; 0 sends none, or, where it is latched, one."""
-
-    name: str
-    type: str
-    definition: str
-    latched: bool
-    rate: float
-
-
-@dataclass(frozen=True)
-class Called:
-    """A topic that a node subscribes to, or a service that it has."""
-
-    name: str
-    type: str
-    md5sum: str
-
-
-@dataclass(frozen=True)
-class Node:
-    name: str
-    publishes: tuple[Published, ...]
-    subscribes: tuple[Called, ...]
-    services: tuple[Called, ...]
 
 
 @dataclass(frozen=True)
@@ -102,26 +75,29 @@ def _parts(apps: list[Recorded], graph: Graph) -> dict[str, Part]:
 
 def _node(graph: Graph, node: str) -> Node:
     topics = {name: topic for name, topic in sorted(graph.topics.items()) if name not in LOG_TOPICS}
-    subscribes = (
-        Called(stable(name), known(one.type), known(one.md5sum))
+    subscribes = [
+        {"name": stable(name), "type": known(one.type), "md5sum": known(one.md5sum)}
         for name, one in topics.items()
         if node in names_of(one.subscribers)
-    )
-    services = (
-        Called(stable(name), known(one.said.type), known(one.said.md5sum))
+    ]
+    services = [
+        {"name": stable(name), "type": known(one.said.type), "md5sum": known(one.said.md5sum)}
         for name, one in sorted(graph.services.items())
         if one.up and one.said.provider == node and not name.endswith(LOGGERS)
-    )
-    return Node(stable(node), tuple(_published(graph, topics, node)), tuple(subscribes), tuple(services))
+    ]
+    publishes = [*_published(graph, topics, node)]
+    return {"name": stable(node), "publishes": publishes, "subscribes": subscribes, "services": services}
 
 
-def _published(graph: Graph, topics: Mapping[str, Topic], node: str) -> Iterator[Published]:
-    """A topic's publishers have an even share of its rate. One whose type nobody told cannot be played."""
+def _published(graph: Graph, topics: Mapping[str, Topic], node: str) -> Iterator[dict[str, object]]:
+    """A topic's publishers have an even share of its rate: messages per second, 0 sends none, or, where it is latched,
+    one. One whose type nobody told cannot be played."""
     fixed = {f"{action}/{word}": hz for action in graph.actions for word, hz in RATES.items()}
     for name, topic in topics.items():
         if node in names_of(topic.publishers) and known(topic.type) and known(topic.md5sum):
             rate = fixed.get(name, float(topic.rate or 0) / len(topic.publishers))
-            yield Published(stable(name), topic.type, str(topic.definition), bool(topic.latched), rate)
+            told = {"name": stable(name), "type": topic.type, "definition": str(topic.definition)}
+            yield {**told, "latched": bool(topic.latched), "rate": rate}
 
 
 # ---- the cast
@@ -144,7 +120,7 @@ def cast(parts: Mapping[str, Part], items: Sequence[Item], real: Sequence[str], 
 
 
 def _stand_in(name: str, part: Part, image: str) -> Item:
-    plan = json.dumps({"nodes": [asdict(node) for node in part.nodes]}, indent=1, sort_keys=True)
+    plan = json.dumps({"nodes": part.nodes}, indent=1, sort_keys=True)
     program = Path(stand_in.__file__).read_text("utf-8")
     return {
         "name": name,
@@ -162,8 +138,8 @@ def _readiness(part: Part) -> Item:
     """All of it is there: nodes have the names that were recorded, not the app's."""
     topics: dict[str, dict[str, str | int]] = {}
     for node in part.nodes:
-        for kind, found in (("publishers", node.publishes), ("subscribers", node.subscribes)):
-            for topic in found:
-                topics.setdefault(topic.name, {"name": topic.name})[kind] = 1
-    services = [one.name for node in part.nodes for one in node.services]
+        for kind, key in (("publishers", "publishes"), ("subscribers", "subscribes")):
+            for topic in node[key]:
+                topics.setdefault(topic["name"], {"name": topic["name"]})[kind] = 1
+    services = [one["name"] for node in part.nodes for one in node["services"]]
     return {"nodes": False, "topics": list(topics.values()), "services": services}

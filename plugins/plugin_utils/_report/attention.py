@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from . import rows
-from .glance import BAD, WARN, hosts_away, is_unknown, level, places
-from .rows import Row, Status, Told, some
+from .glance import hosts_away, is_unknown, level
+from .rows import BAD, WARN, Row, Status, Told, some
 
 RUNBOOKS = "https://github.com/rosops/fleet/blob/main/docs/runbooks"  # as in the alerts' rules
 # Causes come before what they may be the cause of.
@@ -46,8 +46,8 @@ class Finding:
     def takes(self) -> list[str]:
         by_section: dict[str, list[str]] = {}
         for section, row in self.followers:
-            by_section.setdefault(section, []).append(_short(row))
-        return [_counted(section, named) for section, named in by_section.items()]
+            by_section.setdefault(section, []).append(row.told().where)
+        return [some(named) for named in by_section.values()]
 
 
 def attention(status: Status) -> list[Finding]:
@@ -91,41 +91,10 @@ def _causes(row: Row, status: Status) -> Iterator[Key]:
                 yield "app", f"{row.promised.robot}/{row.promised.app}"
             yield "graph", row.robot
         case rows.Trouble():
-            if row.cluster and _servers_away(row.cluster, status):
+            servers = [host for host in status.hosts if (host.cluster, host.role) == (row.cluster, "server")]
+            if row.cluster and not any(host.reachable for host in servers):
                 yield "cluster", row.cluster
             if row.graph:
                 yield "graph", row.graph
-    if len(places(row)) == 1:
-        yield "host", places(row)[0]
-
-
-def _servers_away(cluster: str, status: Status) -> bool:
-    return not any(row.reachable for row in status.hosts if (row.cluster, row.role) == (cluster, "server"))
-
-
-# ---- in words
-
-_PLURAL = {
-    "nodes": "node", "masters": "ROS master", "helpers": "helper", "apps": "app", "ros_nodes": "ROS node",
-    "topics": "topic", "claims": "claim", "outcomes": "last run", "problems": "",
-}  # fmt: skip
-
-
-def _short(row: Row) -> str:
-    match row:
-        case rows.LastRun():
-            return f"{row.playbook} {row.outcome}"
-        case rows.Trouble():
-            return row.where
-        case rows.Workload() if row.is_master:
-            return f"of {row.robot}"
-        case rows.Node() | rows.OfRobot():
-            return row.name
-    return ""
-
-
-def _counted(section: str, named: list[str]) -> str:
-    noun = _PLURAL[section]
-    if len(named) == 1 or not noun:
-        return f"{noun} {some(named)}".strip()
-    return f"{len(named)} {noun}s: {some(named)}"
+    if len(hosts := row.told().hosts) == 1:
+        yield "host", hosts[0]

@@ -3,94 +3,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from ...module_utils._ros.checks import RATE_TOLERANCE
-from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 from . import rows
-from .rows import SHARED, Row, Status, some
-
-OK, WARN, BAD = "ok", "warn", "bad"
-NEARLY_FULL = 0.9
-_OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
+from .rows import BAD, OK, SHARED, WARN, Row, Status, some
 
 
 def level(row: Row, off: Collection[str] = ()) -> str:
-    """`ok`, `warn` or `bad`; empty where there is nothing to judge.
-
-    What is not in order only because it is on hosts that are `off` is no worse than they are.
-    """
-    found = _level(row)
+    """How good a row is. What is not in order only because it is on hosts that are `off` is no worse than they are."""
+    found = row.told().level
     return WARN if is_unknown(row, off) or (found == BAD and _is_on(row, off)) else found
-
-
-def _level(row: Row) -> str:
-    found = ""
-    match row:
-        case rows.Trouble():
-            found = BAD
-        case rows.Host():
-            found = OK if row.reachable else WARN if row.group == "robots" else BAD  # robots come and go
-        case rows.Node():
-            found = BAD if not row.ready else WARN if row.reason else OK
-        case rows.Workload():
-            found = OK if row.ready >= row.wanted else BAD
-        case rows.WentBack() | rows.Ended():
-            found = WARN
-        case rows.RosNode():
-            found = OK if row.reachable else BAD
-        case rows.Topic():
-            found = _topic(row)
-        case rows.Link():
-            found = WARN if row.broken else ""
-        case rows.Claim():
-            found = _claim(row)
-        case rows.LastRun() | rows.Step():
-            found = _OUTCOMES.get(row.outcome, OK)
-    return found
-
-
-def _topic(row: rows.Topic) -> str:
-    """By what an app's readiness says of it, as its update holds it. A rate that nobody can tell is not held."""
-    if not row.promised:
-        return ""
-    if not row.publishers:
-        return BAD
-    return WARN if row.rate is not None and row.rate < row.promised.min_rate * (1 - RATE_TOLERANCE) else OK
-
-
-def _claim(row: rows.Claim) -> str:
-    if not row.bound:
-        return OK if row.unused else BAD
-    return WARN if row.used_share is not None and row.used_share >= NEARLY_FULL else OK
 
 
 def is_unknown(row: Row, away: Collection[str]) -> bool:
     """Its hosts do not answer, so what was last said of it says nothing now."""
     if isinstance(row, rows.Claim):  # that it is there is known, what it holds is not
         return row.used_bytes is None and _is_on(row, away)
-    return isinstance(row, (rows.Node, rows.Workload)) and _level(row) == BAD and _is_on(row, away)
+    return isinstance(row, (rows.Node, rows.Workload)) and row.told().level == BAD and _is_on(row, away)
 
 
-def places(row: Row) -> Sequence[str]:
-    """The hosts whose being off explains what is wrong with it."""
-    match row:
-        case rows.Node():
-            return (row.name,)
-        case rows.Workload():
-            return row.nodes
-        case rows.RosNode():
-            return (row.at or row.robot,)
-        case rows.Claim():
-            return (row.robot,)
-        case rows.LastRun(outcome=outcome) if outcome == OFFLINE:
-            return (row.host,)
-    return ()
-
-
-def _is_on(row: Row, hosts: Collection[str]) -> bool:
-    return bool(places(row)) and all(place in hosts for place in places(row))
+def _is_on(row: Row, off: Collection[str]) -> bool:
+    hosts = row.told().hosts
+    return bool(hosts) and all(host in off for host in hosts)
 
 
 def _whose(row: Row) -> str:

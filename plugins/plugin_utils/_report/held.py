@@ -44,10 +44,9 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
     deployments, pods = all_of("Deployment"), all_of("Pod")
     maps = all_of("ConfigMap")
     ours = [one for one in deployments if labels_of(one).get("app.kubernetes.io/managed-by") == names.MANAGER]
-    workloads = sorted((_workload(one, _pods_of(one, pods), now) for one in ours), key=_place)
+    workloads = sorted((_workload(one, pods, now) for one in ours), key=_place)
     return Status(
         nodes=tuple(nodes),
-        placement=tuple(rows.Placed(node.name, node.placement, tuple(_run_by(node, workloads))) for node in nodes),
         masters=tuple(one for one in workloads if one.is_master),
         helpers=tuple(one for one in workloads if one.name in HELPERS),
         apps=tuple(one for one in workloads if not one.is_master and one.name not in HELPERS),
@@ -91,6 +90,7 @@ def _node(node: Object) -> rows.Node:
     addresses = [one.get("address") for one in status.get("addresses") or [] if one.get("type") == "InternalIP"]
     on = ready.get("status") == "True"
     cordoned = bool((node.get("spec") or {}).get("unschedulable"))
+    chosen = [item for item in sorted(labels.items()) if item[0] not in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)]
     return rows.Node(
         name=name_of(node),
         ready=on,
@@ -101,25 +101,13 @@ def _node(node: Object) -> rows.Node:
         roles=tuple(sorted(key[len(ROLE_LABEL) :] for key in labels if key.startswith(ROLE_LABEL))),
         placement=labels.get(names.LABEL_PLACEMENT, ""),
         robot=labels.get(names.LABEL_ROBOT, ""),
-        labels={key: value for key, value in sorted(labels.items()) if _is_chosen(key)},
+        labels={key: value for key, value in chosen if not key.partition("/")[0].endswith(BUILT_IN_LABELS)},
     )
 
 
-def _is_chosen(label: str) -> bool:
-    own = label in (names.LABEL_PLACEMENT, names.LABEL_ROBOT)
-    return not own and not label.partition("/")[0].endswith(BUILT_IN_LABELS)
-
-
-def _run_by(node: rows.Node, workloads: Iterable[rows.Workload]) -> list[str]:
-    return sorted(f"{one.robot}/{one.name}" for one in workloads if node.name in one.nodes)
-
-
-def _pods_of(deployment: Object, pods: Iterable[Object]) -> list[Object]:
+def _workload(deployment: Object, all_pods: Iterable[Object], now: float) -> rows.Workload:
     key = (_namespace(deployment), app_of(deployment) or name_of(deployment))
-    return [pod for pod in pods if (_namespace(pod), app_of(pod)) == key]
-
-
-def _workload(deployment: Object, pods: Sequence[Object], now: float) -> rows.Workload:
+    pods = [pod for pod in all_pods if (_namespace(pod), app_of(pod)) == key]
     spec, status = deployment.get("spec") or {}, deployment.get("status") or {}
     pod_spec = (spec.get("template") or {}).get("spec") or {}
     live = [pod for pod in pods if not is_terminating(pod)]
@@ -160,9 +148,8 @@ def _lately(pods: Iterable[Object], now: float) -> tuple[str, str]:
 
 def _went_back(deployment: Object) -> list[rows.WentBack]:
     """What the keeper took back, as nobody else did; it stands there until the next step."""
-    robot, namespace = _robot(deployment), _namespace(deployment)
     return [
-        rows.WentBack(robot, app, namespace, told["from"], told["to"], told["at"], told["reason"])
+        rows.WentBack(_robot(deployment), app, told["from"], told["to"], told["at"], told["reason"])
         for app, told in ways_back([deployment]).items()
     ]
 

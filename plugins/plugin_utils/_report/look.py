@@ -20,7 +20,6 @@ from .._kube.pods import meta
 from .._model import names
 from .._model.context import Robot, master_namespace
 from .._model.fleet import Fleet
-from .._model.topology import ClusterPart
 from .._objects.pod_settings import promised
 from .._update.outcome import EVENTS_NAME
 from . import held, ros_graph, rows
@@ -127,51 +126,49 @@ def _read(kube: Kube) -> Answer:
 
 @dataclass(frozen=True)
 class Member:
-    """A host of this run, with the robot that it is. `away` is why it does not answer, None where it does."""
+    """A host of this run, with the servers of its cluster and the robot that it is."""
 
-    name: str
-    address: str
-    part: ClusterPart
+    row: rows.Host
+    servers: tuple[str, ...]
     robot: Robot | None = None
-    away: str | None = None
 
     @property
     def graph(self) -> str:
         """Whose ROS graph the robot's is. A robot that is a cluster of its own shares with nobody."""
-        shared = self.robot is not None and self.robot.master.mode == "shared" and self.part.servers != (self.name,)
-        return SHARED if shared else self.name
-
-    @property
-    def row(self) -> rows.Host:
-        group, away = "robots" if self.robot else "edge", self.away
-        return rows.Host(self.name, group, self.address, self.part.role, self.part.cluster, away is None, away or "")
+        shared = self.robot is not None and self.robot.master.mode == "shared" and self.servers != (self.row.name,)
+        return SHARED if shared else self.row.name
 
 
 def members(fleet: Fleet, addresses: Mapping[str, str], results: Mapping[str, Result]) -> list[Member]:
     """The hosts of a run, by their addresses; `results` are theirs of a task that ran on all of them."""
     away = {name: message_of(result) for name, result in results.items() if result.get("unreachable")}
-    robots = {name: fleet.robots.get(name) for name in addresses}
-    return [Member(name, at, fleet.hosts[name], robots[name], away.get(name)) for name, at in addresses.items()]
+    found = []
+    for name, address in addresses.items():
+        part, robot = fleet.hosts[name], fleet.robots.get(name)
+        group = "robots" if robot else "edge"
+        row = rows.Host(name, group, address, part.role, part.cluster, name not in away, away.get(name, ""))
+        found.append(Member(row, part.servers, robot))
+    return found
 
 
-def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]]:
+def clusters_of(hosts: Sequence[Member]) -> tuple[dict[str, str], dict[str, str]]:
     """Each cluster that can be asked with a host of it, and why the others cannot. A server that is off would be
     waited for; one that this run does not have may be up."""
     asked: dict[str, str] = {}
     silent: dict[str, str] = {}
-    by_name = {host.name: host for host in hosts}
-    for host in by_name.values():
-        servers = [by_name[name] for name in host.part.servers if name in by_name]
-        if servers and all(server.away is not None for server in servers):
-            silent[host.part.cluster] = "its servers are unreachable"
+    up = {host.row.name: host.row.reachable for host in hosts}
+    for host in hosts:
+        servers = [up[name] for name in host.servers if name in up]
+        if servers and not any(servers):
+            silent[host.row.cluster] = "its servers are unreachable"
         else:
-            asked.setdefault(host.part.cluster, host.name)
+            asked.setdefault(host.row.cluster, host.row.name)
     return asked, silent
 
 
 def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Trouble]:
     """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
-    by_cluster = {host.part.cluster: host.name for host in hosts if host.part.role == "server"}
+    by_cluster = {host.row.cluster: host.row.name for host in hosts if host.row.role == "server"}
     look = "ansible {} -b -a 'systemctl status k3s'"
     return [
         Trouble(f"cluster {name}", f"does not answer: {why}", look.format(by_cluster.get(name, name)), cluster=name)
@@ -189,14 +186,14 @@ def graphs_to_read(
     found: dict[str, Asked] = {}
     taken = set()
     for host in hosts:
-        if host.robot is None or host.away is not None or host.graph in taken:
+        if host.robot is None or not host.row.reachable or host.graph in taken:
             continue
-        uri = _master_uri(host.robot, services.get(host.part.cluster, ()))
+        uri = _master_uri(host.robot, services.get(host.row.cluster, ()))
         if uri:
             taken.add(host.graph)
             pods = {address for row in apps_of(host.graph, apps) for address in row.addresses}
             rates = promised_rates((one for one in hosts if one.graph == host.graph), apps)
-            found[host.name] = Asked(host.graph, uri, tuple(sorted(pods)), rates)
+            found[host.row.name] = Asked(host.graph, uri, tuple(sorted(pods)), rates)
     return found
 
 
@@ -206,7 +203,7 @@ def promised_rates(hosts: Iterable[Member], apps: Iterable[Workload]) -> dict[st
     found = {}
     for host in hosts:
         for topic, app, said in promised(host.robot) if host.robot else ():
-            owner = host.name if app.scope == "robot" else SHARED
+            owner = host.row.name if app.scope == "robot" else SHARED
             if (rate := said.get("min_rate")) and (owner, app.name) in there:
                 found[topic] = Promise(rate, app.name, owner)
     return found

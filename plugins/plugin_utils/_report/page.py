@@ -41,11 +41,6 @@ def status_page(status: Status, made: str, previous: str = "", limit: str = "", 
 
     With the text of the `previous` page that one is returned when nothing but the time is new.
     """
-    page = _rendered(status, made, limit, name)
-    return previous if _MADE.sub("", previous) == _MADE.sub("", page) else page
-
-
-def _rendered(status: Status, made: str, limit: str, name: str) -> str:
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
@@ -61,7 +56,7 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
         if key != "problems"
     ]
     hosts = status.hosts
-    return environment.get_template("page.html.j2").render(
+    page = environment.get_template("page.html.j2").render(
         made=made,
         limit=limit,
         title=f"{words(name)}: fleet status" if name else "Fleet status",
@@ -73,6 +68,7 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
         numbers=NUMBERS,
         unfolded=UNFOLDED,
     )
+    return previous if _MADE.sub("", previous) == _MADE.sub("", page) else page
 
 
 def host_columns(status: Status) -> Columns:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What results of tasks say: their message, the outcome of a host, the verdicts of our own waits. Pure."""
+"""What results of tasks say: their message, the outcome of a host, the verdict of our own wait. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from ...module_utils._common.documents import Data
@@ -40,20 +40,8 @@ def ready_of(action: str, result: Result) -> Data | None:
     if action not in ("ros_ready", "_robot_update") or "verdict" not in result:
         return None
     checks = result.get("checks") or ()
-    unmet = ["{kind} {name}: {reason}".format_map(one) for one in _unmet(checks)]
+    unmet = ["{kind} {name}: {reason}".format_map(one) for one in checks if one["verdict"] != "pass"]
     return {"verdict": result["verdict"], "elapsed": result.get("elapsed"), "checks": len(checks), "unmet": unmet}
-
-
-def rollout_of(action: str, result: Result) -> Data | None:
-    """How many objects rollout_ready waited for, and those that are not rolled out."""
-    if action != "rollout_ready" or "objects" not in result:
-        return None
-    unmet = ["{kind} {namespace}/{name}: {reason}".format_map(one) for one in _unmet(result["objects"])]
-    return {"elapsed": result.get("elapsed"), "objects": len(result["objects"]), "unmet": unmet}
-
-
-def _unmet(judged: Sequence[Result]) -> Iterator[Result]:
-    return (one for one in judged if one["verdict"] != "pass")
 
 
 def outcome_of(action: str, result: Result) -> RobotOutcome | None:

@@ -18,7 +18,7 @@ from ...module_utils._ros.graph import Graph, NodeKey, Topic, host_of, names_of
 from ...module_utils._ros.graph_json import graph_from
 from .._model.keys import read
 from . import rows
-from .rows import SHARED, Promise, Trouble, Workload, logs_of
+from .rows import SHARED, Promise, Trouble, Workload
 
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
 Owner = tuple[str, str]  # robot, app
@@ -137,11 +137,10 @@ def launched_rows(apps: Iterable[Workload], graphs: Graphs) -> tuple[list[Troubl
     for robot, one in sorted(graphs.items()):
         owners = owners_of(apps_of(robot, known))
         for process in one.launched:
-            of, app = owners.get(process.host, (robot, ""))
+            row = rows.Ended(*owners.get(process.host, (robot, "")), process.node, process.host)
             if process.crash:
-                where = f"app {app} of {of}" if app else f"launch file at {process.host} of {of}"
-                todo = logs_of(of, app) if app else ""
-                problems.append(Trouble(where, f"{process.node} {process.crash}", todo))
+                told = row.told()
+                problems.append(Trouble(told.where, f"{process.node} {process.crash}", told.todo))
             elif not process.alive and process.exit_code is None:
-                ended.append(rows.Ended(of, app, process.node, process.host))
+                ended.append(row)
     return problems, ended

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a fleet stands, as rows: a type for those of each section, with what is told of one, and all sections. Pure."""
+"""How a fleet stands, as rows: a type for those of each section, with how good one is and what is told of it, and all
+sections. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
+from ...module_utils._ros.checks import RATE_TOLERANCE
 from .._model import names
 from .._model.formats import quantity_value
-from .._model.keys import plain
-from .._model.outcomes import BUSY, OFFLINE
+from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 
+OK, WARN, BAD = "ok", "warn", "bad"
+OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
+NEARLY_FULL = 0.9
 SHARED = "(shared)"  # whose the graph of a shared master is, and an app of the whole fleet
 NAMED = 6  # a line has no room for the names of a whole fleet
 HELPERS = frozenset({names.KEEPER_NAME, names.EXPORTER_NAME})  # beside a master; no inventory has them
@@ -20,13 +23,19 @@ OURS = frozenset({"site.yml", "update.yml", "rollback.yml"})  # playbooks that a
 
 @dataclass(frozen=True)
 class Told:
-    """What is said of a row. `todo` is a command, or a sentence where there is none; `runbook` the name of a page."""
+    """How good a row is (empty: there is nothing to judge), and what is said where it is not as it should be.
 
+    `todo` is a command, or a sentence where there is none, `runbook` the name of a page; `hosts` are those whose being
+    off explains it.
+    """
+
+    level: str
     where: str
     what: str
     since: str = ""
     todo: str = ""
     runbook: str = ""
+    hosts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -34,7 +43,6 @@ class Row:
     """A line of a section."""
 
     def told(self) -> Told:
-        """Where it is not as it should be."""
         raise NotImplementedError
 
 
@@ -58,7 +66,7 @@ class Trouble(Row):
     graph: str = ""
 
     def told(self) -> Told:
-        return Told(self.where, self.what, self.since, self.todo)
+        return Told(BAD, self.where, self.what, self.since, self.todo)
 
 
 @dataclass(frozen=True)
@@ -72,9 +80,12 @@ class Host(Row):
     reason: str = ""
 
     def told(self) -> Told:
-        runbook = "RobotOffline" if self.group == "robots" else ""
+        is_robot = self.group == "robots"
+        away = WARN if is_robot else BAD  # robots come and go
+        level = OK if self.reachable else away
+        runbook = "RobotOffline" if is_robot else ""
         todo = f"ansible {self.name} -m ansible.builtin.ping"
-        return Told(f"host {self.name}", joined("offline", self.reason), "", todo, runbook)
+        return Told(level, f"host {self.name}", joined("offline", self.reason), "", todo, runbook)
 
 
 @dataclass(frozen=True)
@@ -93,20 +104,12 @@ class Node(Row):
     labels: Mapping[str, str] = field(default_factory=dict)
 
     def told(self) -> Told:
-        ready, where = joined("Ready", self.reason), f"node {self.name}"
+        ready, where, hosts = joined("Ready", self.reason), f"node {self.name}", (self.name,)
         if self.ready:
-            return Told(where, ready, self.since, f"k3s kubectl uncordon {self.name}")
+            todo = f"k3s kubectl uncordon {self.name}"
+            return Told(WARN if self.reason else OK, where, ready, self.since, todo, "", hosts)
         todo = f"ansible {self.name} -b -a 'systemctl status k3s k3s-agent'"
-        return Told(where, f"Not{ready}", self.since, todo, "RobotOffline")
-
-
-@dataclass(frozen=True)
-class Placed(Row):
-    """What runs on a node."""
-
-    node: str = ""
-    placement: str = ""
-    runs: tuple[str, ...] = ()
+        return Told(BAD, where, f"Not{ready}", self.since, todo, "RobotOffline", hosts)
 
 
 @dataclass(frozen=True)
@@ -138,14 +141,15 @@ class Workload(OfRobot):
         if self.ended and "CrashLoopBackOff" not in note:
             note = "; ".join(filter(None, (note, self.ended)))
         what = joined(f"{self.ready} of {self.wanted} ready", note)
-        return Told(f"{where} of {self.robot}", what, self.since, todo, "RosMasterDown" if self.is_master else "")
+        level = OK if self.ready >= self.wanted else BAD
+        runbook = "RosMasterDown" if self.is_master else ""
+        return Told(level, f"{where} of {self.robot}", what, self.since, todo, runbook, self.nodes)
 
 
 @dataclass(frozen=True)
 class WentBack(OfRobot):
     """An app that a keeper took back from the revision `before` to `after`."""
 
-    namespace: str = ""
     before: str = ""
     after: str = ""
     at: str = ""
@@ -154,7 +158,7 @@ class WentBack(OfRobot):
     def told(self) -> Told:
         what = joined(f"taken back by the keeper, from {self.before} to {self.after}", self.reason)
         todo = logs_of(self.robot, names.KEEPER_NAME)
-        return Told(f"app {self.name} of {self.robot}", what, self.at, todo, "RobotUpdateFailed")
+        return Told(WARN, f"app {self.name} of {self.robot}", what, self.at, todo, "RobotUpdateFailed")
 
 
 @dataclass(frozen=True)
@@ -169,7 +173,7 @@ class Ended(Row):
     def told(self) -> Told:
         where = f"app {self.app}" if self.app else f"launch file at {self.host}"
         what = f"{self.node} has ended; its exit code is in the pod's log alone"
-        return Told(f"{where} of {self.robot}", what, "", logs_of(self.robot, self.app) if self.app else "")
+        return Told(WARN, f"{where} of {self.robot}", what, "", logs_of(self.robot, self.app) if self.app else "")
 
 
 @dataclass(frozen=True)
@@ -186,7 +190,8 @@ class RosNode(OfRobot):
 
     def told(self) -> Told:
         todo = logs_of(self.robot, self.app, " --since 10m") if self.app else ""
-        return Told(f"ROS node {self.name} of {self.robot}", joined("down", self.error), "", todo, "RosNodeDown")
+        level, where = OK if self.reachable else BAD, f"ROS node {self.name} of {self.robot}"
+        return Told(level, where, joined("down", self.error), "", todo, "RosNodeDown", (self.at or self.robot,))
 
 
 @dataclass(frozen=True)
@@ -209,13 +214,18 @@ class Topic(OfRobot):
     note: str = ""
 
     def told(self) -> Told:
+        """By what an app's readiness says of it, as its update holds it. A rate that nobody can tell is not held."""
         where = f"topic {self.name} of {self.robot}"
         found = "nobody publishes it" if self.rate is None else f"{self.rate:.1f} Hz"
         if self.promised is None:
-            return Told(where, found)
+            return Told("", where, found)
+        level = OK if self.publishers else BAD
+        least = self.promised.min_rate * (1 - RATE_TOLERANCE)
+        if self.publishers and self.rate is not None and self.rate < least:
+            level = WARN
         told = f"{found}; {self.promised.app} promises at least {self.promised.min_rate:g} Hz"
         todo = logs_of(self.promised.robot, self.promised.app, " --since 10m")
-        return Told(where, told, "", todo, "RosTopicSilent" if self.rate is None else "RosTopicRateDrop")
+        return Told(level, where, told, "", todo, "RosTopicSilent" if self.rate is None else "RosTopicRateDrop")
 
 
 @dataclass(frozen=True)
@@ -231,7 +241,8 @@ class Link(OfRobot):
         """Who is registered as a subscriber, is alive, and does not get what a publisher sends."""
         pairs = [f"{publisher} is not connected to {subscriber}" for publisher, subscriber in self.broken]
         todo = f"ansible-playbook rosops.fleet.status --limit {self.robot}"
-        return Told(f"topic {self.name} of {self.robot}", some(pairs), "", todo, "RosTopicSilent")
+        level = WARN if self.broken else ""
+        return Told(level, f"topic {self.name} of {self.robot}", some(pairs), "", todo, "RosTopicSilent")
 
 
 @dataclass(frozen=True)
@@ -248,20 +259,19 @@ class Claim(OfRobot):
     used_bytes: int | None = None
     note: str = ""
 
-    @property
-    def used_share(self) -> float | None:
-        """How much of its size it holds; None where either is not known."""
-        size = quantity_value(self.size)
-        return float(self.used_bytes) / float(size) if size and self.used_bytes is not None else None
-
     def told(self) -> Told:
         where, kubectl = f"claim {self.name} of {self.robot}", f"k3s kubectl -n {self.namespace}"
         if not self.bound:
+            level = OK if self.unused else BAD
             what = self.note or self.phase or "not bound"
-            return Told(where, what, self.since, f"{kubectl} describe pvc {self.name}")
+            return Told(level, where, what, self.since, f"{kubectl} describe pvc {self.name}", "", (self.robot,))
         # a host that is off takes its claims along; one without a number is not told by itself
-        what = "not measured" if self.used_share is None else f"{self.used_share:.0%} used"
-        return Told(where, what, "", f"{kubectl} get pvc {self.name}", "PvcNearlyFull")
+        level, what = OK, "not measured"
+        size = quantity_value(self.size)
+        if size and self.used_bytes is not None:
+            share = float(self.used_bytes) / float(size)
+            level, what = WARN if share >= NEARLY_FULL else OK, f"{share:.0%} used"
+        return Told(level, where, what, "", f"{kubectl} get pvc {self.name}", "PvcNearlyFull", (self.robot,))
 
 
 @dataclass(frozen=True)
@@ -278,10 +288,11 @@ class LastRun(Row):
     def told(self) -> Told:
         named = f"rosops.fleet.{self.playbook.removesuffix('.yml')}" if self.playbook in OURS else self.playbook
         where, what = f"last {self.playbook} on {self.host}", joined(self.outcome, self.note)
+        level = OUTCOMES.get(self.outcome, OK)
         todo = f"ansible-playbook {named} --limit {self.host}"
-        if self.outcome in (BUSY, OFFLINE):
-            return Told(where, what, self.started, todo)
-        return Told(where, what, self.started, f"{todo} --check --diff", "RobotUpdateFailed")
+        if level == WARN:
+            return Told(level, where, what, self.started, todo, "", (self.host,) if self.outcome == OFFLINE else ())
+        return Told(level, where, what, self.started, f"{todo} --check --diff", "RobotUpdateFailed")
 
 
 @dataclass(frozen=True)
@@ -298,6 +309,9 @@ class Step(OfRobot):
     phases: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
 
+    def told(self) -> Told:
+        return Told(OUTCOMES.get(self.outcome, OK), f"step {self.name} of {self.robot}", self.outcome)
+
 
 @dataclass(frozen=True)
 class Status:
@@ -306,7 +320,6 @@ class Status:
     problems: tuple[Trouble, ...] = ()
     hosts: tuple[Host, ...] = ()
     nodes: tuple[Node, ...] = ()
-    placement: tuple[Placed, ...] = ()
     masters: tuple[Workload, ...] = ()
     helpers: tuple[Workload, ...] = ()
     apps: tuple[Workload, ...] = ()
@@ -327,13 +340,6 @@ class Status:
     @property
     def workloads(self) -> tuple[Workload, ...]:
         return (*self.masters, *self.helpers, *self.apps)
-
-    def as_dict(self) -> dict[str, Any]:
-        """As the task of status.yml returns it: a list of mappings for each section."""
-        found: dict[str, Any] = plain(self)
-        for row in (*found["went_back"], *found["steps"]):
-            row["from"], row["to"] = row.pop("before"), row.pop("after")
-        return found
 
 
 def joined(words: str, more: str) -> str:

@@ -13,7 +13,6 @@ from operator import itemgetter
 
 from ...module_utils._common.documents import Data
 from .._model import outcomes
-from .._model.keys import plain
 from .._update.outcome import RobotOutcome
 from . import results
 from .host_run import HostRun, Noted, note_of
@@ -33,73 +32,46 @@ Api = Mapping[str, str]  # of a cluster: its `host`, and the `source` of the acc
 
 
 @dataclass(frozen=True)
-class HostReport:
-    """`changed` are names of tasks, `counts` Ansible's own."""
-
-    host: str
-    groups: tuple[str, ...]
-    outcome: RobotOutcome
-    failed_task: str | None
-    changed: tuple[str, ...]
-    ready: Data | None
-    rollout: Data | None
-    counts: Counts
-
-    def as_dict(self) -> Data:
-        return {**plain(self), **self.outcome.as_dict()}
-
-    @property
-    def note(self) -> str:
-        return note_of(self.outcome.reason, self.failed_task or "")
-
-    @property
-    def graph(self) -> str:
-        """The last verdict on the ROS graph, in words."""
-        if self.ready is None:
-            return ""
-        elapsed = self.ready["elapsed"]
-        return f"{self.ready['verdict']}" + ("" if elapsed is None else f" {elapsed:.1f} s")
-
-
-@dataclass(frozen=True)
 class Report:
-    """Times are in seconds, but for `started`, which is in UTC; `outcomes` are how many of each, `tasks` how many.
-
-    A play or a stage is `{name, seconds}`.
-    """
+    """As it is written. Times are in seconds, but for `started`, which is UTC; `outcomes` and `tasks` are how many."""
 
     playbook: str
     check_mode: bool
     started: str
     elapsed: float
     outcomes: Mapping[str, int]
-    hosts: tuple[HostReport, ...]
+    hosts: tuple[Data, ...]
     plays: tuple[Data, ...]
     stages: tuple[Data, ...]
     slowest_tasks: tuple[Data, ...]
     tasks: int
     apis: Mapping[str, Api]
 
-    def as_dict(self) -> Data:
-        """As it is written."""
-        return {**plain(self), "hosts": [host.as_dict() for host in self.hosts]}
 
-
-def word_of(outcome: str, check_mode: bool) -> str:
-    return WOULD.get(outcome, outcome) if check_mode else outcome
-
-
-def screen(report: Report, width: int = 120) -> list[str]:
-    """The report in lines: a host each, then where the time went."""
-    words = [word_of(host.outcome.outcome, report.check_mode) for host in report.hosts]
+def screen(report: Report) -> list[str]:
+    """The report in lines: a host each, with the whole of its cause, then where the time went."""
+    would = WOULD if report.check_mode else {}
     rows = [
-        (host.host, word, host.graph, host.counts.get("changed", 0), host.note)
-        for host, word in zip(report.hosts, words)
+        (
+            host["host"],
+            would.get(host["outcome"], host["outcome"]),
+            _graph_words(host["ready"]),
+            host["counts"].get("changed", 0),
+            note_of(host["reason"], host["failed_task"] or ""),
+        )
+        for host in report.hosts
     ]
-    lines = table(HEADERS, rows, width, wrapped=True) if rows else ["no host took part"]
+    lines = table(HEADERS, rows) if rows else ["no host took part"]
     slow = sorted(report.stages, key=itemgetter("seconds"), reverse=True)[:STAGES_SHOWN]
     spent = ", ".join(f"{one['name']} {one['seconds']:.1f} s" for one in slow if one["seconds"] >= 0.1)
     return [*lines, f"{report.elapsed:.1f} s" + (f": {spent}" if spent else "")]
+
+
+def _graph_words(ready: Data | None) -> str:
+    """The last verdict on the ROS graph."""
+    if ready is None:
+        return ""
+    return f"{ready['verdict']}" + ("" if ready["elapsed"] is None else f" {ready['elapsed']:.1f} s")
 
 
 # ---- what happens
@@ -133,7 +105,6 @@ class _Host:
     failed_task: str = ""
     unreachable: str = ""
     ready: Data | None = None
-    rollout: Data | None = None
     declared: RobotOutcome | None = None
     blocked: list[tuple[str, str]] = field(default_factory=list)  # host that ended the run for this one, and how
 
@@ -246,7 +217,6 @@ class RunReport:
         action, host = task.action if task else "", self.host(name)
         host.declared = results.outcome_of(action, result) or host.declared
         host.ready = results.ready_of(action, result) or host.ready
-        host.rollout = results.rollout_of(action, result) or host.rollout
         self._apis.update(result.get("apis") or {})
 
     def finish(
@@ -259,7 +229,7 @@ class RunReport:
         ended = {name for name, one in stats.items() if one.get("failures") or one.get("unreachable")}
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
         hosts = tuple(self._host_report(name, stats.get(name) or {}, ended) for name in names)
-        words = [host.outcome.outcome for host in hosts]
+        words = [host["outcome"] for host in hosts]
         ends = [*(play.begun for play in self._plays[1:]), now]
         return Report(
             playbook,
@@ -275,11 +245,12 @@ class RunReport:
             self._apis,
         )
 
-    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> HostReport:
+    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> Data:
+        """`changed` are names of tasks, `counts` Ansible's own."""
         host = self._hosts[name]
         failed = (host.failed_task if counts.get("failures") else "") or None
-        outcome, changed = host.outcome(counts, ended), tuple(host.changed)
-        return HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
+        about = {"host": name, "groups": host.groups, "failed_task": failed, "changed": host.changed}
+        return {**about, **host.outcome(counts, ended).as_dict(), "ready": host.ready, "counts": counts}
 
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from operator import attrgetter
@@ -11,13 +10,12 @@ from typing import Any
 
 from ...module_utils._common.errors import printable
 from .attention import Finding, attention
-from .glance import BAD, OK, counts, level
-from .rows import Row, Status, Topic
+from .glance import counts, level
+from .rows import BAD, OK, Row, Status, Topic
 
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
-NARROWEST_WRAPPED = 40  # what is read line by line
 UNCUT = 10_000
 TABLES = "All tables: the same with -v."
 WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
@@ -72,7 +70,6 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
         ("state", lambda row: ("Ready" if row.ready else "NotReady") + (f", {row.reason}" if row.reason else "")),
         "version", "address", "roles", ("deploymentType", "placement"), "robot", ("other labels", "labels"),
     )),
-    ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
     ("ROS MASTERS", "masters", columns("robot", *WORKLOAD)),
     ("HELPERS", "helpers", columns("robot", ("helper", "name"), *WORKLOAD)),
     ("APPS", "apps", columns("robot", ("app", "name"), "placement", *WORKLOAD)),
@@ -140,23 +137,13 @@ def _fit(widths: list[int], room: int) -> list[int]:
     return fitted
 
 
-def table(
-    headers: Sequence[str], rows: Sequence[Sequence[object]], width: int = WIDTH, wrapped: bool = False
-) -> list[str]:
-    """Lines of a table; what is too wide is cut, the widest column first. The last one may be `wrapped` instead."""
+def table(headers: Sequence[str], rows: Sequence[Sequence[object]], width: int = UNCUT) -> list[str]:
+    """Lines of a table; what is too wide is cut, the widest column first."""
     cells = [[words(cell) for cell in row] for row in rows]
     natural = [max(len(line[column]) for line in [list(headers), *cells]) for column in range(len(headers))]
     widths = _fit(natural, width - len(GAP) * (len(headers) - 1))
-    if wrapped:
-        widths[-1] = max(widths[-1], min(natural[-1], NARROWEST_WRAPPED))
-    lines = [line for row in [list(headers), *cells] for line in (_wrapped(row, widths[-1]) if wrapped else [row])]
+    lines = [list(headers), *cells]
     return [GAP.join(_cut(cell, size).ljust(size) for cell, size in zip(line, widths)).rstrip() for line in lines]
-
-
-def _wrapped(row: Sequence[str], width: int) -> list[list[str]]:
-    """The row, and one for each further line of its last cell."""
-    first, *more = textwrap.wrap(row[-1], width) or [""]
-    return [[*row[:-1], first], *([*("" for _cell in row[:-1]), line] for line in more)]
 
 
 def grid(columns: Columns, rows: Sequence[Row]) -> tuple[list[str], list[list[object]]]:

@@ -40,64 +40,21 @@ RIGEL = {
     "rolling_update": "pattern or handoff of an app in ros_apps",
     "ros_version": "nothing: an app's image has its ROS, and that is ROS 1; ROS 2 is not served",
 }
-# Variables of versions before 1.0.0. Those of observability that are keys of its mapping now:
-_IN_THE_MAPPING = {
-    "enabled": "enabled", "prometheus_enabled": "prometheus.enabled", "scrape_interval": "prometheus.scrape_interval",
-    "evaluation_interval": "prometheus.evaluation_interval", "prometheus_retention": "prometheus.retention",
-    "loki_enabled": "loki.enabled", "loki_retention": "loki.retention", "loki_persistence": "loki.persistence.enabled",
-    "loki_size": "loki.persistence.size", "grafana_enabled": "grafana.enabled",
-    "grafana_admin_password": "grafana.admin_password", "default_dashboards": "grafana.default_dashboards",
-    "grafana_service_type": "grafana.service_type", "grafana_persistence": "grafana.persistence.enabled",
-    "grafana_size": "grafana.persistence.size", "node_exporter": "node_exporter", "ros_metrics": "ros_metrics",
-}  # fmt: skip
-_STORAGE = "nothing: it is /var/lib/rancher/k3s/storage, where another disk may be mounted"
-_DROP_IN = "MemoryHigh or MemoryMax in a drop-in of the unit k3s or k3s-agent"
-GONE = {
-    **{
-        f"{role}_{name}": f"update_{name}, which counts for every change of a host"
-        for role in ("k3s", "guarded")
-        for name in ("on_busy", "busy_timeout", "failure_budget")
-    },
-    **{f"observability_{name}": f"{key} in the mapping observability" for name, key in _IN_THE_MAPPING.items()},
-    **{
-        f"observability_{name}_image": f"observability_images: {{{name}: ...}}"
-        for name in ("prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent")
-    },
-    "collect_storage_path": _STORAGE,
-    "guarded_name": "nothing: a change is called as the file of its tasks",
-    "images_logins": "robot_namespace_pull_secrets",
-    "images_needed": "images_refs",
-    "k3s_disable": "disable in k3s_config",
-    "k3s_memory_high": _DROP_IN,
-    "k3s_memory_max": _DROP_IN,
-    "node_name": "k3s_node_name",
-    "node_ready_timeout": "k3s_start_timeout",
-    "observability_alertmanager_enabled": "observability_alertmanager_config: with one Alertmanager runs",
-    "observability_claims_path": _STORAGE,
-    "observability_ros_statistics": "nothing: latency and drops of nodes are no longer measured",
-    "preflight_interface": "flannel-iface in k3s_config",
-}
-INSTEAD = {**RIGEL, **GONE}
 
 
 def fleet_hosts(hostvars: Hosts, names: Iterable[str], problems: list[Problem]) -> dict[str, Said]:
     """`{host: {variable: value}}` to check: known variables and misspelt ones, all apps of a robot in one list, secrets
-    replaced by numbers. What is no variable any more, and what YAML can say beyond JSON's types, becomes a problem.
+    replaced by numbers. A key of a Rigelfile, and what YAML can say beyond JSON's types, becomes a problem.
 
     SpecError names everything that cannot be templated.
     """
     seen: dict[str, str] = {}
     unread: list[Problem] = []
-    hosts = {name: _picked(variables_of(hostvars, name), f"hosts.{name}", seen, problems, unread) for name in names}
+    hosts = {name: _picked(hostvars.get(name, {}), f"hosts.{name}", seen, problems, unread) for name in names}
     if unread:
         lines = "\n".join(problem.line() for problem in unread)
         raise SpecError(f"variables that cannot be read:\n{lines}", errors=[problem._asdict() for problem in unread])
     return {name: layered(said, f"hosts.{name}", problems) for name, said in hosts.items()}
-
-
-def variables_of(hostvars: Hosts, host: str) -> Said:
-    """Those of a host; none of one that is not there."""
-    return hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
 
 
 def _picked(
@@ -106,9 +63,8 @@ def _picked(
     picked: dict[str, Any] = {}
     for name in map(str, variables):
         where = join_path(path, name)
-        if name in INSTEAD:  # whatever its value is, it has no effect
-            found = "is a key of a Rigelfile and has no effect here" if name in RIGEL else "is no variable any more"
-            problems.append(Problem(where, found, INSTEAD[name]))
+        if name in RIGEL:
+            problems.append(Problem(where, "is a key of a Rigelfile and has no effect here", RIGEL[name]))
         elif is_ours(name):
             try:
                 # a variable may be templated piece by piece, as it is read
@@ -149,7 +105,7 @@ def is_ours(name: str) -> bool:
     """Whether a variable is one of the collection's, or looks like a misspelt one."""
     known = known_variables()
     misspelt = OURS.match(name) and nearest_name(name, known, MISSPELT)
-    return name in known or name in INSTEAD or bool(misspelt)
+    return name in known or name in RIGEL or bool(misspelt)
 
 
 def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> Iterator[Problem]:
@@ -169,7 +125,7 @@ def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> It
         yield Problem(WAVES, wrong, "numbers above 0 and percentages, such as 1, 25%, 100%")
     at: list[tuple[str, tuple[str, str]]] = []
     for host in names:
-        own = variables_of(hostvars, host)
+        own = hostvars.get(host, {})
         address, port, connection = (_read(own, f"ansible_{key}") for key in ("host", "port", "connection"))
         if address and connection in SSH:
             at.append((host, (address, port or "22")))
@@ -185,7 +141,7 @@ def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> It
 def near_misses(hostvars: Hosts, names: Iterable[str]) -> Iterator[Problem]:
     """Variables that hardly differ from one of ours. They may well be the inventory's own, so they are no errors."""
     for host in names:
-        for name in variables_of(hostvars, host):
+        for name in hostvars.get(host, {}):
             if near := _near(str(name)):
                 yield Problem(f"hosts.{host}.{name}", f"is no variable of this collection; did you mean {near}?")
 

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING
 from typing import Any
 
 from ...module_utils._step.objects import Object
+from .._model.app import Filled
 from .._model.finding import Problem, each, join_path, shown
 from .._model.formats import words
 from .._model.keys import OPEN, Key, Kind, kind_of
@@ -35,6 +37,7 @@ def _list_of(kind: Kind, allowed: str) -> Kind:
 _MAPPING = kind_of(Mapping[str, Any])
 _ENTRIES = _list_of(_MAPPING, "a list of mappings")
 _CONTAINER = {
+    **dict.fromkeys(("name", "image"), Key(kind_of(Filled), MISSING)),
     **dict.fromkeys(("env", "envFrom", "ports", "volumeMounts", "volumeDevices"), Key(_ENTRIES)),
     **dict.fromkeys(("command", "args"), Key(_list_of(kind_of(str), "a list of texts"))),
     **dict.fromkeys(("lifecycle", "livenessProbe", "readinessProbe", "startupProbe"), Key(_MAPPING)),
@@ -89,11 +92,6 @@ def _pod_problems(plain: Object, merged: Object, container: str, path: str) -> I
     # fields that are of another shape than the API's
     spec, path = inside(merged, (*template, "spec")), join_path(path, *template, "spec")
     yield from value_problems(spec, Kind(dict, _POD, (OPEN,)), path)
-    for listed in ("containers", "initContainers"):
-        for where, item in each(f"{path}.{listed}", spec[listed] if isinstance(spec.get(listed), list) else ()):
-            for key in ("name", "image") if isinstance(item, Mapping) else ():
-                if not isinstance(item.get(key), str) or not item[key]:
-                    yield Problem(f"{where}.{key}", "is missing or no text", "text")
 
 
 def _shape_problems(base: Any, value: Any, path: str, field: str = "") -> Iterator[Problem]:

@@ -111,7 +111,7 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
 
 
 def _dependencies(draft: Draft) -> Iterator[Problem]:
-    """Dependencies on oneself, on apps that are not there, and circles.
+    """Dependencies on apps that are not there, and circles.
 
     Apps of one group change in one step, so between groups an order is needed, and inside one as well.
     """
@@ -122,9 +122,7 @@ def _dependencies(draft: Draft) -> Iterator[Problem]:
     between: dict[str, list[str]] = {name: [] for name in unit.values()}
     for path, app, _raw in draft.apps:
         for where, other in each(f"{path}.depends_on", app.depends_on):
-            if other == app.name:
-                yield Problem(where, "is the app itself", "other apps of this robot")
-            elif other not in declared:
+            if other not in declared:
                 found = f"is '{other}', an unknown app{did_you_mean(other, declared)}"
                 yield Problem(where, found, f"an app of this robot: {', '.join(declared)}")
             elif other in apps and unit[other] == unit[app.name]:

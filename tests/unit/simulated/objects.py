@@ -9,6 +9,7 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -89,7 +90,7 @@ def marked(live: Live, *apps: str) -> Live:
     for item in live.deployments:
         name = item["metadata"]["name"]
         if name in apps:
-            item["metadata"]["annotations"][names.ANNOTATION_UPDATING] = str(Mark("123", revision_of(item)))
+            item["metadata"]["annotations"][words.UPDATING] = str(Mark("123", revision_of(item)))
             before = maps.get(f"{name}-update") or update_map(name, [])
             said = {"revision": revision_of(item), "run": "123", **json.loads(before["data"]["contract.json"])}
             maps[f"{name}-update"] = update_map(name, json.loads(before["data"]["history.json"]), **said)

@@ -24,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     StatusReading,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, revision_of, suffix_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import TEMPLATE_HASH
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -277,7 +278,7 @@ class SimulatedRobot:
         pod = Pod(
             len(self.pods), key, app, template_of(wanted), version_of(spec["spec"]["containers"][0]["image"]),
             "" if app in INFRASTRUCTURE else node_in_pod(wanted), OFFERS.get(app, Offer()),
-            said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted), kubernetes_hash(wanted),
+            said.get(words.HANDOFF, "replace"), revision_of(wanted), kubernetes_hash(wanted),
             "readinessGates" in spec["spec"],
         )  # fmt: skip
         self.pods.append(pod)

@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.idle_robot import CONSECUTIVE, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
@@ -331,7 +332,7 @@ class Simulation(SimulatedRobot):
     def prove(self, item: Object) -> None:
         """The engine says that this version is proven; what its pods show says whether it may."""
         key, template = deployment_key(item), template_of(item)
-        if names.ANNOTATION_UPDATING in item["metadata"]["annotations"] or (key, template) in self.proven:
+        if words.UPDATING in item["metadata"]["annotations"] or (key, template) in self.proven:
             return
         pods = self.of(key)
         if self.disturbed:  # by then there may be another pod of it, at which nobody has looked
@@ -396,7 +397,7 @@ class Simulation(SimulatedRobot):
         pods = [pod for pod in self.of(key[1:]) if not (self.disturbed and pod.stopping)]
         assert self.disturbed or [kubernetes_hash(there)] == [pod.hash for pod in pods], f"of {key} there are {pods}"
         assert all(pod.version.good for pod in pods), f"{key} is proven, and it is a bad version"
-        assert marked or names.ANNOTATION_UPDATING not in there["metadata"]["annotations"], f"{key} is marked still"
+        assert marked or words.UPDATING not in there["metadata"]["annotations"], f"{key} is marked still"
         assert marked or ((key[1], key[2]), template_of(there)) in self.proven, f"{key} was never proven"
 
     def mine(self) -> list[str]:

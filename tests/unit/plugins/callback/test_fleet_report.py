@@ -12,16 +12,16 @@ from typing import Any
 import pytest
 from ansible import constants, context
 from ansible.executor.stats import AggregateStats
+from ansible.executor.task_queue_manager import TaskQueueManager
 from ansible.playbook.role_include import IncludeRole
 from ansible.playbook.task import Task
 from ansible.utils.context_objects import CLIArgs
+from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.callback import fleet_report
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport
 
 
 class FakeDisplay:
-    columns = 79
-
     def __init__(self) -> None:
         self.lines, self.warnings = list[str](), list[str]()
         self.banner, self.warning = self.lines.append, self.warnings.append
@@ -109,14 +109,18 @@ def test_secrets_stay_out(callback: Any, tmp_path: Path, no_log: bool | None) ->
     assert written(tmp_path)["hosts"][0]["reason"] == "hidden by no_log"
 
 
-def test_nothing_that_goes_wrong_ends_the_run(callback: Any, tmp_path: Path) -> None:
+def test_nothing_that_goes_wrong_ends_the_run(callback: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By ansible-core's own dispatch."""
     (tmp_path / "deep").write_text("in the way")
-    callback.v2_playbook_on_stats(stats(robot1="ok"))
-    callback.v2_runner_on_ok(None)
-    callback.v2_playbook_on_task_start(None, False)
-    callback.v2_playbook_on_play_start(None)
-    [warning] = callback._display.warnings
-    assert "v2_playbook_on_stats" in warning
+    warned: list[str] = []
+    monkeypatch.setattr(Display, "error_as_warning", lambda _self, exception, **_msg: warned.append(str(exception)))
+    callback._init_callback_methods()
+    manager = TaskQueueManager(None, None, None, {})
+    manager._callback_plugins = [callback]
+    names = ["v2_playbook_on_play_start", "v2_playbook_on_stats"]
+    for name, given in zip(names, (None, stats(robot1="ok"))):
+        manager.send_callback(name, given)
+    assert [name in told for name, told in zip(names, warned, strict=True)] == [True, True]
 
 
 def test_a_task_of_any_kind_has_a_name(callback: Any) -> None:

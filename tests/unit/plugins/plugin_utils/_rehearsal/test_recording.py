@@ -14,9 +14,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording 
     OTHERS,
     PLAN,
     PROGRAM,
-    Called,
-    Node,
-    Published,
     cast,
     changed,
     parts,
@@ -34,7 +31,7 @@ DEFINITION = RECORDING["graph"]["topics"]["/temperature"]["definition"]
 
 def test_nodes_are_their_apps_by_address_and_others_are_of_none() -> None:
     """Of apps with their host's address nobody knows which one it is."""
-    assert {app: (part.placement, [node.name for node in part.nodes]) for app, part in PARTS.items()} == {
+    assert {app: (part.placement, [node["name"] for node in part.nodes]) for app, part in PARTS.items()} == {
         "temperature": ("local", ["/temperature"]),
         "temperature-stats": ("remote", ["/arm/helper", "/temperature_stats"]),
         OTHERS: ("local", ["/loner"]),
@@ -42,31 +39,28 @@ def test_nodes_are_their_apps_by_address_and_others_are_of_none() -> None:
 
 
 def test_what_a_node_plays_has_no_revision() -> None:
-    assert PARTS["temperature"].nodes == (
-        Node(
-            "/temperature",
-            (Published("/temperature", "demo/Temperature", DEFINITION, latched=False, rate=250.0),),
-            (),
-            (Called("/temperature/reset", "demo/Home", "home"),),
-        ),
-    )
+    topic = {"name": "/temperature", "type": "demo/Temperature", "definition": DEFINITION, "latched": False}
+    service = {"name": "/temperature/reset", "type": "demo/Home", "md5sum": "home"}
+    [played] = PARTS["temperature"].nodes
+    assert (played["name"], played["publishes"]) == ("/temperature", [{**topic, "rate": 250.0}])
+    assert (played["subscribes"], played["services"]) == ([], [service])
 
 
 def test_what_is_latched_who_serves_and_how_often_an_action_tells() -> None:
     """Loggers and what does not answer are left out; a status that nobody listened to is sent all the same."""
     helper, stats = PARTS["temperature-stats"].nodes
-    assert [(one.name, one.latched, one.rate) for one in helper.publishes] == [
+    assert [(one["name"], one["latched"], one["rate"]) for one in helper["publishes"]] == [
         ("/map", True, 0.0),
         ("/work/status", True, 5.0),
     ]
-    assert [one.name for one in helper.services] == ["/home"]
-    assert stats.subscribes == (Called("/temperature", "demo/Temperature", "temperature"),)
+    assert [one["name"] for one in helper["services"]] == ["/home"]
+    assert stats["subscribes"] == [{"name": "/temperature", "type": "demo/Temperature", "md5sum": "temperature"}]
 
 
 def test_nobody_sends_goals_of_zeros_or_what_nobody_has_defined() -> None:
     [loner] = PARTS[OTHERS].nodes
-    assert {one.name: one.rate for one in loner.publishes} == {"/temperature": 250.0, "/work/goal": 0.0}
-    assert loner.subscribes == (Called("/unknown", "", ""),)
+    assert {one["name"]: one["rate"] for one in loner["publishes"]} == {"/temperature": 250.0, "/work/goal": 0.0}
+    assert loner["subscribes"] == [{"name": "/unknown", "type": "", "md5sum": ""}]
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,8 @@ def test_what_goes_with_a_robot_that_is_off_stands_with_it() -> None:
     off = found[-1]
     assert (off.told.since, off.told.runbook) == (LOST, "RobotOffline")
     assert off.takes == [
-        "node robot2", "ROS master of robot2", "app sensor", "claim logs", "last run update.yml deferred-offline",
+        "node robot2", "ROS master of robot2", "app sensor of robot2", "claim logs of robot2",
+        "last update.yml on robot2",
     ]  # fmt: skip
     [off] = attention(status(hosts=[OFF], outcomes=[MISSED]))  # its node has said nothing
     assert off.told.since == MISSED["started"]
@@ -60,7 +61,7 @@ def test_what_goes_with_a_robot_that_is_off_stands_with_it() -> None:
     [
         (
             {"hosts": [EDGE_OFF], "apps": [app("robot1", nodes=["edge1"]), app("robot2", nodes=["edge1"])]},
-            {"host edge1": ["2 apps: sensor, sensor"]},
+            {"host edge1": ["app sensor of robot1, app sensor of robot2"]},
         ),
         ({"hosts": [EDGE_OFF], "problems": [SILENT]}, {"host edge1": ["cluster edge"]}),
         (
@@ -69,16 +70,16 @@ def test_what_goes_with_a_robot_that_is_off_stands_with_it() -> None:
         ),
         (
             {"hosts": [OFF], "ros_nodes": [{**DOWN, "robot": "(shared)", "at": "robot2"}]},
-            {"host robot2": ["ROS node /sensor"]},
+            {"host robot2": ["ROS node /sensor of (shared)"]},
         ),
         (
             {"hosts": [OFF, LATER], "masters": [app("robot2", name="ros-master")], "problems": [UNREAD_TOO]},
             {"host robot2": ["ROS master of robot2", "ROS graph of robot2"], "host robot3": []},
         ),
-        ({"hosts": [UP], "nodes": [STOPPED], "apps": [app("robot1")]}, {"node robot1": ["app sensor"]}),
+        ({"hosts": [UP], "nodes": [STOPPED], "apps": [app("robot1")]}, {"node robot1": ["app sensor of robot1"]}),
         (
             {"apps": [app("robot1")], "ros_nodes": [DOWN, {**DOWN, "app": "", "name": "/by-hand"}]},
-            {"app sensor of robot1": ["ROS node /sensor"], "ROS node /by-hand of robot1": []},
+            {"app sensor of robot1": ["ROS node /sensor of robot1"], "ROS node /by-hand of robot1": []},
         ),
         (
             {"masters": [app("robot1", name="ros-master")], "problems": [UNREAD]},

@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
     last_runs,
     last_steps,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status, Step
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult, events_map
 
@@ -98,7 +98,5 @@ def test_the_latest_steps_are_those_of_the_robots_own_record() -> None:
     text = status_text(found)
     assert "LAST OUTCOMES\n  host    outcome      run         started                  changed  note\n" in text
     assert "robot1  talker, liste..  overlap  updated  a:1 (11111111)  a:2 (22222222..  3.5 " in text
-    [told, _now] = Status(steps=(updated, now)).as_dict()["steps"]
-    assert (told["from"], told["to"], "before" in told) == ([*before], [*after], False)
     spoilt = {**record, "data": {"updates.json": '{"updates": [{"app": "a", "started": 1, "phases": 7}]}'}}
     assert last_steps([spoilt]) == []

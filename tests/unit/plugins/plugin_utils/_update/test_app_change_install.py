@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
@@ -63,7 +63,7 @@ def marked(sim: Simulation) -> set[str]:
     return {
         key[2]
         for key, item in sim.objects.items()
-        if key[0] == "Deployment" and names.ANNOTATION_UPDATING in item["metadata"]["annotations"]
+        if key[0] == "Deployment" and words.UPDATING in item["metadata"]["annotations"]
     }
 
 

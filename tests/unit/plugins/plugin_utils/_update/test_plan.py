@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO, SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -82,10 +83,10 @@ def test_what_the_keeper_took_back_is_planned_anew() -> None:
     before, after = robot(app("one", "x.org/a:1")), robot(app("one", "x.org/a:2"))
     live = applied(before)
     (there,) = [item for item in live.deployments if item["metadata"]["name"] == "one"]
-    there["metadata"]["annotations"][names.ANNOTATION_WENT_BACK] = "{}"
+    there["metadata"]["annotations"][words.WENT_BACK] = "{}"
     (step,) = planned(after, live).steps
     assert (step.apps, step.resume, step.unproven) == (["one"], False, [])
-    assert names.ANNOTATION_WENT_BACK not in step.previous["one"]["metadata"]["annotations"]
+    assert words.WENT_BACK not in step.previous["one"]["metadata"]["annotations"]
     assert step.previous == planned(after, applied(before)).steps[0].previous
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Sent
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO
@@ -217,7 +218,7 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     assert kept["deployment"] == step.previous["sensor"]
     assert kept["image"] == "example.org/app:1.0"
     notes = objects[-1]["metadata"]["annotations"]
-    assert notes[names.ANNOTATION_UPDATING] == f"1000 {revision_of(objects[-1])}"
+    assert notes[words.UPDATING] == f"1000 {revision_of(objects[-1])}"
     assert "image ros-app image=example.org/app:1.0" in notes[BACK_TO].split("\n")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import INSTEAD, fleet_hosts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import RIGEL, fleet_hosts
 
 
 class Templated(dict[str, Any]):
@@ -66,8 +66,8 @@ def test_fleet_hosts_reports_templates_that_fail_all_at_once() -> None:
     ]
 
 
-def test_names_that_nothing_reads_are_refused_all_at_once_whatever_their_values() -> None:
-    said = Templated({name: ValueError("it rests on what is not there") for name in INSTEAD})
+def test_keys_of_a_rigelfile_are_refused_all_at_once_whatever_their_values() -> None:
+    said = Templated({name: ValueError("it rests on what is not there") for name in RIGEL})
     found = check_fleet({"edge": ["edge1"], "robots": ["robot1"]}, {"robot1": said}).problems
-    assert [problem.path for problem in found] == [f"hosts.robot1.{name}" for name in INSTEAD]
-    assert all(problem.allowed == INSTEAD[problem.path.rpartition(".")[2]] for problem in found)
+    assert [problem.path for problem in found] == [f"hosts.robot1.{name}" for name in RIGEL]
+    assert all(problem.allowed == RIGEL[problem.path.rpartition(".")[2]] for problem in found)
