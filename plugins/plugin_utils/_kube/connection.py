@@ -45,7 +45,7 @@ RACES = 5  # somebody else may write an object between our look at it and our wr
 TODO = {
     401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",
     403: "These credentials lack that permission",
-    404: "Is that address a Kubernetes API?",
+    404: "Is that address a Kubernetes API, 1.30 or newer?",
     409: "Somebody else changed it at the same time: run again",
     422: "Kubernetes does not accept that value, or that field cannot be changed once the object is there",
 }
@@ -100,7 +100,6 @@ class ApiConnection:
         self._pool = self._access.pool
         self._patience, self._say, self._now, self._sleep = patience, say, now, sleep
         self._permit: Callable[[], None] = lambda: None
-        self._told: set[str] = set()  # what is said once
 
     @property
     def host(self) -> str:
