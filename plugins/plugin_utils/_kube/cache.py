@@ -10,7 +10,6 @@ from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object, name_of
 from .pods import controller_of, meta, uid_of
 
-
 # The kinds that the collection deals with, by the path of their API.
 KINDS = {
     "/apis/admissionregistration.k8s.io/v1": ("ValidatingAdmissionPolicy", "ValidatingAdmissionPolicyBinding"),

@@ -20,7 +20,7 @@ from .._model.names import SIDECAR
 from .cache import Ref, View
 from .client import Kube
 from .connection import ApiError
-from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
+from .pods import IMAGE_ERRORS, Verdict, condition, containers, ends, meta, uid_of
 
 FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
 _PROBE = r"\w+ probe failed: ?"
@@ -114,8 +114,7 @@ def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> lis
         return []
     lines: list[str] = []
     for container in containers(pod):
-        last = (container.get("lastState") or {}).get("terminated") or {}
-        now = (container.get("state") or {}).get("terminated") or {}
+        now, last = ends(container)
         ended = last or (now if now.get("exitCode") else {})
         node_ended = not ended and f"pod {name}: " in said and HOPELESS in said  # a node of it, and it has not
         if node_ended or (ended and not ended.get("message")):
@@ -181,8 +180,9 @@ class ProbeNews:
         for namespace in due:
             try:
                 self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
-                for pod in (one for one in pods if _space(one) == namespace and SIDECAR in sidecars(one)):
-                    self.lines[uid_of(pod)] = kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
+                for pod in (one for one in pods if _space(one) == namespace):
+                    if SIDECAR in (one.get("name") for one in containers(pod)):
+                        self.lines[uid_of(pod)] = kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
                 self._due[namespace] = now + SECONDS
             except ApiError as error:  # the wait can do without: the watch tells what matters
                 self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
