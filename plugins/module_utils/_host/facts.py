@@ -6,12 +6,13 @@ from __future__ import annotations
 import os
 import re
 import socket
-import threading
+from functools import partial
 from pathlib import Path
 from typing import Dict, Iterable
 
 from .._common.documents import Arguments
 from .._common.poll import PASS
+from .._ros.rpc import in_parallel
 from .k3s import (
     BINARY,
     CONFIG_DIR,
@@ -26,6 +27,7 @@ from .k3s import (
     token_verdict,
 )
 from .k3s_change import K3sChange
+from .service_sockets import LISTEN, socket_rows
 
 Facts = Dict[str, object]  # as they are written as JSON
 
@@ -35,7 +37,6 @@ KUBELET_CONFIG = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
 CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
 OS_RELEASE = re.compile(r"^(\w+)=[\"']?(.*?)[\"']?\s*$", re.MULTILINE)
-TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
 # flannel's overlay, and the sets of k3s's network policies
@@ -136,13 +137,11 @@ def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
     """Who listens on the named (protocol, port) pairs."""
     wanted = set(ports)
     sockets: dict[str, tuple[str, int]] = {}
-    for protocol, state in (("tcp", TCP_LISTEN), ("udp", UDP_UNCONNECTED)):
+    for protocol, state in (("tcp", LISTEN), ("udp", UDP_UNCONNECTED)):
         for table in (f"/proc/net/{protocol}", f"/proc/net/{protocol}6"):
-            for row in (line.split() for line in host.read(table).splitlines()[1:]):
-                if len(row) > 9 and row[3] == state:
-                    pair = (protocol, int(row[1].rpartition(":")[2], 16))
-                    if pair in wanted:
-                        sockets[row[9]] = pair
+            for row in socket_rows(host.read(table)):
+                if row.state == state and (protocol, row.local[1]) in wanted:
+                    sockets[row.inode] = (protocol, row.local[1])
     owners = socket_owners(host, sockets) if sockets else {}
     held = {(*pair, *owners.get(inode, ("", False))) for inode, pair in sockets.items()}
     return [dict(zip(("protocol", "port", "process", "k3s"), row)) for row in sorted(held)]
@@ -208,19 +207,11 @@ def knock(address: str, port: int, timeout: float) -> str:
 
 def reach(targets: list[str], timeout: float) -> list[Facts]:
     """All knocks at once: three silent servers cost one time-out, not three."""
-    outcomes = ["timeout"] * len(targets)
     places = [(host.strip("[]"), int(port)) for host, _colon, port in (target.rpartition(":") for target in targets)]
-
-    def one(number: int) -> None:
-        outcomes[number] = knock(*places[number], timeout)
-
-    threads = [threading.Thread(target=one, args=(number,), daemon=True) for number in range(len(targets))]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        # a resolver that hangs has no time-out of its own
-        thread.join(2 * timeout)
-    return [{"host": host, "port": port, "outcome": said} for (host, port), said in zip(places, outcomes)]
+    knocks = {(host, port): partial(knock, host, port, timeout) for host, port in places}
+    # a resolver that hangs has no time-out of its own
+    found = in_parallel(knocks, 2 * timeout, lambda _place, _error: "timeout")
+    return [{"host": host, "port": port, "outcome": found[host, port]} for host, port in places]
 
 
 def firewalls(host: Host) -> list[str]:

@@ -16,7 +16,6 @@ import re
 import socket
 import struct
 import time
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Callable, Iterator, Mapping, NamedTuple, Tuple
@@ -28,14 +27,14 @@ from .._ros.rpc import address_of, in_parallel
 PERSISTENT_SECONDS = 0.5  # a plain call takes milliseconds
 RESOLVE_SECONDS = 2.0
 
-_ESTABLISHED, _LISTEN = "01", "0A"
+ESTABLISHED, LISTEN = "01", "0A"  # of TCP, as the kernel writes them
 _REMOTE = re.compile(r" to \[(?P<host>[^\s\]]+):(?P<port>\d+) on socket ")
 
 End = Tuple[str, int]
 
 
-class TcpSocket(NamedTuple):
-    """One TCP socket."""
+class Socket(NamedTuple):
+    """One TCP or UDP socket."""
 
     local: End
     remote: End
@@ -43,19 +42,11 @@ class TcpSocket(NamedTuple):
     inode: str
 
 
-@dataclass(frozen=True)
-class Namespace:
+class Namespace(NamedTuple):
     """The TCP sockets of one network namespace, and the addresses that are its own."""
 
-    key: str
     addresses: frozenset[str]
-    rows: frozenset[TcpSocket]
-
-    def listens(self, port: int) -> bool:
-        return any(row.state == _LISTEN and row.local[1] == port for row in self.rows)
-
-    def connected(self, port: int) -> frozenset[TcpSocket]:
-        return frozenset(row for row in self.rows if row.state == _ESTABLISHED and row.local[1] == port)
+    rows: frozenset[Socket]
 
 
 # ---- the kernel's tables
@@ -69,12 +60,12 @@ def _end(text: str) -> End:
     return str(getattr(address, "ipv4_mapped", None) or address), int(port, 16)
 
 
-def tcp_rows(text: str) -> Iterator[TcpSocket]:
-    """The rows of /proc/<pid>/net/tcp or tcp6."""
+def socket_rows(text: str) -> Iterator[Socket]:
+    """The rows of /proc/<pid>/net/tcp, tcp6, udp or udp6."""
     for line in text.splitlines()[1:]:
         fields = line.split()
         if len(fields) >= 10:
-            yield TcpSocket(_end(fields[1]), _end(fields[2]), fields[3], fields[9])
+            yield Socket(_end(fields[1]), _end(fields[2]), fields[3], fields[9])
 
 
 def local_addresses(text: str) -> Iterator[str]:
@@ -87,13 +78,6 @@ def local_addresses(text: str) -> Iterator[str]:
             yield address
 
 
-def _namespace(process: Path, key: str) -> Namespace:
-    net = process / "net"
-    tables = [net / "tcp", *([net / "tcp6"] if (net / "tcp6").exists() else [])]
-    rows = [row for table in tables for row in tcp_rows(table.read_text())]
-    return Namespace(key, frozenset(local_addresses((net / "fib_trie").read_text())), frozenset(rows))
-
-
 def namespaces(proc: Path) -> dict[str, Namespace]:
     """Every network namespace that may be read, one process of each asked; our own comes first."""
     numbers = sorted((one for one in proc.iterdir() if one.name.isdigit()), key=lambda one: int(one.name))
@@ -102,7 +86,10 @@ def namespaces(proc: Path) -> dict[str, Namespace]:
         try:
             key = os.readlink(process / "ns" / "net")  # Path.readlink came with Python 3.9
             if key not in found:
-                found[key] = _namespace(process, key)
+                net = process / "net"
+                tables = [net / "tcp", *([net / "tcp6"] if (net / "tcp6").exists() else [])]
+                rows = frozenset(row for table in tables for row in socket_rows(table.read_text()))
+                found[key] = Namespace(frozenset(local_addresses((net / "fib_trie").read_text())), rows)
         except (OSError, ValueError):
             continue  # it ended meanwhile, or is not ours to look at
     return found
@@ -132,11 +119,12 @@ def persistent(
     """How many connections at that address stood in both looks and are no topic's; None where it is not here."""
     address, port = at
     # every namespace has the loopback addresses: that one which this process would reach is its own
-    here = list(after.values())[:1] if ipaddress.ip_address(address).is_loopback else after.values()
-    for namespace in here:
-        if address in namespace.addresses and namespace.listens(port) and namespace.key in before:
-            kept = namespace.connected(port) & before[namespace.key].connected(port)
-            return sum(row.remote not in topics for row in kept)
+    for key in list(after)[: 1 if ipaddress.ip_address(address).is_loopback else None]:
+        own, rows = after[key]
+        listens = any(row.state == LISTEN and row.local[1] == port for row in rows)
+        if address in own and listens and key in before:
+            connected = (row for row in rows & before[key].rows if row.state == ESTABLISHED and row.local[1] == port)
+            return sum(row.remote not in topics for row in connected)
     return None
 
 

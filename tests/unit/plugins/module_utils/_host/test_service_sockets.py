@@ -12,13 +12,15 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host.service_sockets import (
+    ESTABLISHED,
+    LISTEN,
     Namespace,
     ServiceConnections,
-    TcpSocket,
+    Socket,
     local_addresses,
     namespaces,
     persistent,
-    tcp_rows,
+    socket_rows,
     topic_ends,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, ServiceProbe
@@ -90,13 +92,13 @@ def proc(tmp_path: Path) -> Proc:
 def test_rows_of_both_families() -> None:
     mapped = "0000000000000000FFFF0000" + end(POD, 1)[:8]
     text = HEADER + line((POD, PORT), ("10.42.0.3", 55000)) + f"  1: {mapped}:9CC5 {mapped}:0001 01 0:0 0:0 0 0 0 8 1\n"
-    assert list(tcp_rows(text)) == [
-        TcpSocket((POD, PORT), ("10.42.0.3", 55000), "01", "7"),
-        TcpSocket((POD, PORT), (POD, 1), "01", "8"),
+    assert list(socket_rows(text)) == [
+        Socket((POD, PORT), ("10.42.0.3", 55000), "01", "7"),
+        Socket((POD, PORT), (POD, 1), "01", "8"),
     ]
     loopback = "0" * 24 + f"{struct.unpack('=I', bytes([0, 0, 0, 1]))[0]:08X}"
-    assert next(tcp_rows(HEADER + f" 0: {loopback}:0001 {loopback}:0002 01 0 0 0 0 0 9 1\n")).local == ("::1", 1)
-    assert list(tcp_rows("")) == list(tcp_rows(HEADER + "cut\n")) == []
+    assert next(socket_rows(HEADER + f" 0: {loopback}:0001 {loopback}:0002 01 0 0 0 0 0 9 1\n")).local == ("::1", 1)
+    assert list(socket_rows("")) == list(socket_rows(HEADER + "cut\n")) == []
 
 
 def test_a_namespaces_own_addresses() -> None:
@@ -112,7 +114,7 @@ def test_each_namespace_is_read_once_and_ours_comes_first(proc: Proc) -> None:
     found = namespaces(proc.root)
     assert list(found) == ["net:[1]", "net:[2]"]
     assert found["net:[1]"].addresses == {"192.0.2.1", "127.0.0.1"}
-    assert (found["net:[2]"].addresses, found["net:[2]"].listens(PORT)) == (frozenset({POD, "127.0.0.1"}), True)
+    assert (found["net:[2]"].addresses, len(found["net:[2]"].rows)) == (frozenset({POD, "127.0.0.1"}), 1)
 
 
 def test_a_table_that_cannot_be_read_is_tried_at_the_namespaces_next_process(proc: Proc) -> None:
@@ -128,23 +130,24 @@ def test_the_kernels_own_tables() -> None:
         with socket.create_connection(("127.0.0.1", port)) as client, contextlib.closing(server.accept()[0]):
             own = next(iter(namespaces(Path("/proc")).values()))
             assert "127.0.0.1" in own.addresses
-            assert own.listens(port)
-            assert [row.remote for row in own.connected(port)] == [client.getsockname()]
+            rows = [row for row in own.rows if row.local[1] == port]
+            assert sorted(row.state for row in rows) == [ESTABLISHED, LISTEN]
+            assert client.getsockname() in [row.remote for row in rows]
 
 
 # ---- what they say
 
 
-def space(*rows: TcpSocket, key: str = "pod", address: str = POD) -> dict[str, Namespace]:
-    listening = TcpSocket((ANYWHERE, PORT), (ANYWHERE, 0), "0A", "1")
-    return {key: Namespace(key, frozenset({address, "127.0.0.1"}), frozenset({listening, *rows}))}
+def space(*rows: Socket, key: str = "pod", address: str = POD) -> dict[str, Namespace]:
+    listening = Socket((ANYWHERE, PORT), (ANYWHERE, 0), "0A", "1")
+    return {key: Namespace(frozenset({address, "127.0.0.1"}), frozenset({listening, *rows}))}
 
 
-def held(port: int, inode: str = "7", local: int = PORT) -> TcpSocket:
-    return TcpSocket((POD, local), ("10.42.0.3", port), "01", inode)
+def held(port: int, inode: str = "7", local: int = PORT) -> Socket:
+    return Socket((POD, local), ("10.42.0.3", port), "01", inode)
 
 
-ENDING = TcpSocket((POD, PORT), ("10.42.0.3", 1), "06", "0")
+ENDING = Socket((POD, PORT), ("10.42.0.3", 1), "06", "0")
 
 
 @pytest.mark.parametrize(
