@@ -36,6 +36,7 @@ V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 KUBELET_CONFIG = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
 CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
+MEMORY = re.compile(r"^MemTotal:\s+(\d+) kB", re.MULTILINE)
 OS_RELEASE = re.compile(r"^(\w+)=[\"']?(.*?)[\"']?\s*$", re.MULTILINE)
 UDP_UNCONNECTED = "07"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
@@ -49,7 +50,7 @@ SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.M
 
 def system(host: Host) -> Facts:
     release = dict(OS_RELEASE.findall(host.read("/etc/os-release")))
-    name = os.uname()
+    name, memory = os.uname(), MEMORY.search(host.read("/proc/meminfo"))
     return {
         "os": {"id": release.get("ID", ""), "name": release.get("PRETTY_NAME", "")},
         "kernel": name.release,
@@ -60,6 +61,7 @@ def system(host: Host) -> Facts:
         "systemd": host.exists("/run/systemd/system"),
         "root": os.geteuid() == 0,
         "overlay": "overlay" in host.read("/proc/filesystems").split(),
+        "memory_mb": int(memory.group(1)) // 1024 if memory else 0,
     }
 
 
@@ -84,11 +86,6 @@ def cgroup(host: Host) -> Facts:
         "cmdline": host.read("/proc/cmdline").strip(),
         "cmdline_file": file,
     }
-
-
-def memory_mb(host: Host) -> int:
-    found = re.search(r"^MemTotal:\s+(\d+) kB", host.read("/proc/meminfo"), re.MULTILINE)
-    return int(found.group(1)) // 1024 if found else 0
 
 
 def disk(host: Host, directory: str) -> Facts:
@@ -242,7 +239,6 @@ def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], ti
     return {
         **system(host),
         "cgroup": cgroup(host),
-        "memory_mb": memory_mb(host),
         "disk": disk(host, PARENT),
         "routes": routes(host),
         "listening": listening(host, ports),

@@ -215,7 +215,8 @@ class Remover(K3sHost):
         # what the CNI plugins remember of k3s's network; that of other engines is beside it
         results = [f"{CNI_RESULTS}/{name}" for name in self.names(CNI_RESULTS) if name.startswith("cbr0-")]
         found = [name for name in [*OURS, *([*PLACES, *results] if installed else [])] if self.removable(name)]
-        found += [name for name in LINKS if self.links_to_k3s(name)]
+        links = [name for name in LINKS if self.path(name).is_symlink()]
+        found += [name for name in links if Path(os.readlink(str(self.path(name)))).name == "k3s"]
         found += self.data_paths(volumes)
         found += [name for name in (CONFIG_DIR, *BINARIES) if self.removable(name)]
         if identity and self.path(IDENTITY).exists():
@@ -228,10 +229,6 @@ class Remover(K3sHost):
         """Whether it is there; a mount point of the operator's counts only with something in it."""
         path = self.path(name)
         return any(path.iterdir()) if self.kept_by_operator(name) else os.path.lexists(str(path))
-
-    def links_to_k3s(self, name: str) -> bool:
-        path = self.path(name)
-        return path.is_symlink() and Path(os.readlink(str(path))).name == "k3s"
 
     def data_paths(self, volumes: bool) -> list[str]:
         """The data directory piece by piece if the volumes stay, so that theirs is never touched."""

@@ -80,7 +80,7 @@ class Kube(ApiConnection):
                     continue
                 done.append(applied(ref, before, self._applied(ref, obj, before, dry_run)))
             except ApiError as exc:
-                if dry_run and exc.status == 404 and self._namespace_is_new(ref):
+                if dry_run and exc.status == 404 and ref.namespace and not self.get(Ref("Namespace", ref.namespace)):
                     done.append(applied(ref, None, obj))
                     continue
                 if exc.status == 403 and ref.kind in OF_CLUSTER:
@@ -172,9 +172,6 @@ class Kube(ApiConnection):
                     item = items.get(ref.name)  # a list's items do not say what they are
                     found[ref] = item and {"apiVersion": ref.api_version, "kind": kind, **item}
         return found
-
-    def _namespace_is_new(self, ref: Ref) -> bool:
-        return bool(ref.namespace) and self.get(Ref("Namespace", ref.namespace)) is None
 
 
 def ref_of(obj: Object) -> Ref:

@@ -27,10 +27,12 @@ from ...module_utils._common.documents import Arguments
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object
 from ...module_utils._step.words import MANAGER
-from .access import BROKEN, Access, access_from, forget_key_files
+from .._upstream import kubernetes_core
+from .access import BROKEN, Access, access_from
 
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
+    from kubernetes import config as kube_config
 
 Answer = TypeVar("Answer")
 Query = Mapping[str, str | int]
@@ -125,7 +127,7 @@ class ApiConnection:
 
     def close(self) -> None:
         self._pool.clear()
-        forget_key_files()
+        kubernetes_core.remove_key_files(kube_config)  # made of a kubeconfig's inline keys
 
     def _headers(self, content: str) -> Any:
         headers = urllib3.HTTPHeaderDict({"Accept": JSON, "User-Agent": MANAGER})
