@@ -8,7 +8,7 @@ import re
 import socket
 from functools import partial
 from pathlib import Path
-from typing import Dict, Iterable
+from typing import Any, Dict, Iterable
 
 from .._common.documents import Arguments
 from .._common.poll import PASS
@@ -166,19 +166,14 @@ def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, boo
     return owners
 
 
-def server_url(config: str) -> str:
-    """The server that a text of config.yaml names."""
-    found = SERVER_URL.search(config)
-    return found.group(1) if found else ""
-
-
-def k3s_leftovers(host: Host) -> Facts:
+def k3s_leftovers(host: Host) -> dict[str, Any]:
     config = host.read(f"{CONFIG_DIR}/config.yaml")
+    server = SERVER_URL.search(config)
     there = {f"{unit}.service": f"{UNIT_DIRECTORY}/{unit}.service" for unit in SERVICES.values()}
     units = {unit: host.read(path) for unit, path in there.items() if host.exists(path)}
     return {
         "config": bool(config),
-        "server_url": server_url(config),
+        "server_url": server.group(1) if server else "",
         "node_password": host.exists("/etc/rancher/node/password"),
         "server_data": bool(host.names(f"{DATA_DIR}/server/db")),
         "agent_data": host.exists(f"{DATA_DIR}/agent/client-kubelet.crt"),
@@ -268,8 +263,8 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     shown = host.show(service)
     # what runs now runs, however often it had to be started before
     seen = host.look(role, restarts_before=int(shown.get("NRestarts") or 0))
-    change = K3sChange(host.run, role).record()
-    data = host.path(f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt").exists()
+    change, there = K3sChange(host.run, role).record(), k3s_leftovers(host)
+    data = there["server_data" if role == "server" else "agent_data"]
     knocks = [] if data else reach(servers, KNOCK)
     return {
         "machine": os.uname().machine,
@@ -281,7 +276,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
             "enabled": shown.get("UnitFileState") == "enabled",
             "installed": shown.get("LoadState") == "loaded",
         },
-        "other_service": host.path(f"{UNIT_DIRECTORY}/{other}.service").exists(),
+        "other_service": f"{other}.service" in there["units"],
         "stale": host.stale(service, files),
         "ready": seen.verdict == PASS,
         "data": data,
@@ -292,7 +287,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
             )
             for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
         },
-        "server_url": server_url(host.read(f"{CONFIG_DIR}/config.yaml")),
+        "server_url": there["server_url"],
         "cgroup_refused": cgroup(host)["refused"],
         "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
         "change": {"unproven": change.unproven, "version": change.version},

@@ -60,23 +60,17 @@ class Process(NamedTuple):
     cgroup: str
 
 
-def own_processes(processes: Iterable[Process]) -> list[int]:
-    """What is left in the units' cgroups, the pods' shims and everything below them, the youngest first."""
+def own_processes(processes: Iterable[Process]) -> dict[int, bool]:
+    """What is left in the units' cgroups, the pods' shims and everything below them, the youngest first.
+
+    Of each whether it is in a container: these get the time that a pod has to stop. A shim is nobody's to ask.
+    """
     listed = list(processes)
-    found = {process.pid for process in listed if _is_k3s(process)}
-    while below := {process.pid for process in listed if process.parent in found} - found:
+    k3s = {one.pid for one in listed if SHIM.search(one.command) or UNIT_CGROUP.search(one.cgroup)}
+    found = set(k3s)
+    while below := {one.pid for one in listed if one.parent in found} - found:
         found |= below
-    return sorted(found, reverse=True)
-
-
-def in_pods(processes: Iterable[Process]) -> list[int]:
-    """Of these the ones in containers: they get the time that a pod has to stop. A shim is nobody's to ask."""
-    listed = list(processes)
-    return [pid for pid in own_processes(listed) if pid not in {one.pid for one in listed if _is_k3s(one)}]
-
-
-def _is_k3s(process: Process) -> bool:
-    return bool(SHIM.search(process.command) or UNIT_CGROUP.search(process.cgroup))
+    return {pid: pid not in k3s for pid in sorted(found, reverse=True)}
 
 
 def own_mounts(mounts: str) -> list[str]:
@@ -155,19 +149,23 @@ class Remover(K3sHost):
         """
         found = own_processes(self.running())
         if not found or self.dry:
-            return found
-        self.send(in_pods(self.running()), signal.SIGTERM)
-        poll(lambda: Seen(WAIT if in_pods(self.running()) else PASS), STOP_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
+            return list(found)
+
+        def stop() -> Seen:
+            return Seen(WAIT if any(own_processes(self.running()).values()) else PASS)
+
+        self.send((pid for pid, in_pod in found.items() if in_pod), signal.SIGTERM)
+        poll(stop, STOP_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
 
         def end() -> Seen:
-            left = own_processes(self.running())
+            left = list(own_processes(self.running()))
             self.send(left, signal.SIGKILL)
             return Seen(WAIT if left else PASS, left)
 
         polled = poll(end, END_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
         if polled.verdict != PASS:
             raise FleetError(f"processes {polled.last} do not end")
-        return found
+        return list(found)
 
     def send(self, processes: Iterable[int], number: int) -> None:
         for pid in processes:

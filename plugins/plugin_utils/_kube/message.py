@@ -164,29 +164,26 @@ def latest(events: Iterable[Object]) -> dict[str, str]:
 
 
 class ProbeNews:
-    """The pods' last lines, asked for at most once a second per namespace."""
+    """The pods' last lines, asked for at most once a second."""
 
     def __init__(self) -> None:
         self.lines: dict[str, str] = {}  # by pod uid
-        self._due: dict[str, float] = {}
-
-    def due(self, pods: Iterable[Object], now: float) -> float:
-        """When one of these may be asked for next."""
-        return min((self._due.get(_space(pod), now) for pod in pods), default=math.inf)
+        self.due = 0.0  # when they may be asked for next
 
     def ask(self, kube: Kube, pods: Sequence[Object], now: float) -> bool:
-        """Ask for those that are due; whether there was one."""
-        due = {_space(pod) for pod in pods if self._due.get(_space(pod), now) <= now}
-        for namespace in due:
-            try:
+        """Whether they were asked for."""
+        if not pods or now < self.due:
+            return False
+        self.due = now + SECONDS
+        try:
+            for namespace in {_space(pod) for pod in pods}:
                 self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
-                for pod in (one for one in pods if _space(one) == namespace):
-                    if SIDECAR in (one.get("name") for one in containers(pod)):
-                        self.lines[uid_of(pod)] = kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
-                self._due[namespace] = now + SECONDS
-            except ApiError as error:  # the wait can do without: the watch tells what matters
-                self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
-        return bool(due)
+            for pod in pods:
+                if SIDECAR in (one.get("name") for one in containers(pod)):
+                    self.lines[uid_of(pod)] = kube.log_tail(_space(pod), name_of(pod), SIDECAR, 1, previous=False)
+        except ApiError as error:  # the wait can do without: the watch tells what matters
+            self.due = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
+        return True
 
 
 def _space(pod: Object) -> str:

@@ -171,7 +171,7 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
                 say_at += SAY_SECONDS
             ends = [say_at, wait.tracker.due(), now + BEGUN_SECONDS if wait.up else None]
             if wait.well is None:
-                ends += [max(wait.end(), wait.gone), wait.news.due(wait.starting(), now)]
+                ends += [max(wait.end(), wait.gone), wait.news.due if wait.starting() else None]
             else:  # what is only watched has no news to tell, and no end of its time
                 ends.append(wait.well + options.watched)
             for change in stream.changes(min(end for end in ends if end is not None) - now):

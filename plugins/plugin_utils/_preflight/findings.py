@@ -22,7 +22,6 @@ MINIMUM_MTU = 1280  # IPv6 needs it
 LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
 # overlayfs cannot have these as its upper layer, and containerd's snapshots are overlays
 UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
-K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
 PORTS = {
     "server": "6443/tcp (API), 10250/tcp (kubelet), 8472/udp (flannel), with several servers 2379-2380/tcp (etcd)",
     "agent": "10250/tcp (kubelet, from the servers), 8472/udp (flannel, from all nodes)",
@@ -263,7 +262,7 @@ def _ports(facts: Result, _wanted: Variables) -> Iterable[Finding]:
     ours = bool(facts["k3s"]["units"])
     for listener in facts["listening"]:
         # A socket without a process is the kernel's (VXLAN), which k3s leaves behind while it is installed.
-        if listener["k3s"] or K3S_PROCESS.match(listener["process"]) or (ours and not listener["process"]):
+        if listener["k3s"] or (ours and not listener["process"]):
             continue
         port, by = f"{listener['port']}/{listener['protocol']}", listener["process"] or "an unnamed process"
         fix = "stop that service, or move it to another port"

@@ -173,7 +173,7 @@ def test_what_is_wrong_is_found_alone(facts: dict[str, Any], wanted: dict[str, A
     [
         X86,
         PI_3_ARMV7,
-        host(listening=taken("tcp", 6443, "k3s-server"), k3s__config=True),
+        host(listening=taken("tcp", 6443, "k3s-server", True), k3s__config=True),
         host(listening=taken("tcp", 10250, "exe", True), k3s__config=True),  # the kubelet
         host(listening=taken("udp", 8472, ""), k3s__config=True, k3s__units=["k3s-agent.service"]),  # flannel
         host(clock={"offset": 1.2, "uncertainty": 0.4}),  # within the uncertainty
