@@ -15,7 +15,7 @@ from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import plain
 from ..plugin_utils._k3s.wanted import Wanted, tokens_to_keep, wanted
-from ..plugin_utils._kube.kubeconfig import is_foreign, is_of, keep, local_kubeconfig
+from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, keep, kubeconfig_head, local_kubeconfig
 
 
 class ActionModule(FleetAction):
@@ -101,7 +101,7 @@ def _forgotten(part: Wanted, cluster: str, changed: bool, check: bool) -> Result
     path = Path(part.kubeconfig)
     if not (part.kubeconfig and path.exists()):
         return {"changed": changed}
-    if not is_of(part.kubeconfig, part.url, cluster):
+    if not first_line(part.kubeconfig).startswith(kubeconfig_head("", part.url, cluster)):
         return {"changed": changed, "msg": f"{path} was not written for the cluster {cluster} and stays as it is"}
     if not check:
         path.unlink()

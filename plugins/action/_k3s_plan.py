@@ -19,7 +19,7 @@ from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
 from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, source, wanted
-from ..plugin_utils._kube.kubeconfig import is_foreign, is_made_from, kubeconfig_head
+from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, kubeconfig_head
 from ..plugin_utils._model.topology import address
 
 
@@ -64,7 +64,7 @@ def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> 
         raise SpecError(f"{host} was left as it is. {' '.join(refused)}")
     origin, servers = source(variables, now["machine"]), variables["k3s_server_hosts"]
     head = kubeconfig_head(now["kubeconfig_sha256"], part.url, variables["k3s_cluster"])
-    right = is_made_from(part.kubeconfig, head) or is_foreign(part.kubeconfig)
+    right = first_line(part.kubeconfig) == head or is_foreign(part.kubeconfig)
     work = plan(now, part, origin, variables["k3s_version"], right)
     return {
         **work,

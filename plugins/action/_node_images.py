@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
-from ..plugin_utils._images.node import Brought, NodeImages
+from ..plugin_utils._images.node import NodeImages
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._objects.parts import images
 
@@ -27,28 +26,10 @@ class ActionModule(FleetAction):
         wanted = self.variables(known, "images")
         node = NodeImages(ActionHost(self, known), wanted["images_rate_limit"], self.say(known), params["logins"])
         names = [*wanted["images_refs"], *params["names"]]
-        return _outcome(node.bring(wanted["images_archives"], names, self._task.check_mode, _kept(known)))
+        return node.bring(wanted["images_archives"], names, self._task.check_mode, _kept(known))
 
 
 def _kept(known: Variables) -> list[str]:
     """What the apps of a robot run on its own host: a step may have brought it, and nobody asks for it here."""
     robots = (known.get(VARIABLE) or {}).get("robots") or {}
     return images(robot_from_vars(known), "local") if known["inventory_hostname"] in robots else []
-
-
-def _outcome(brought: Brought) -> Result:
-    """The task's result; `failed` where an image is not there after all."""
-    return {
-        "changed": brought.changed,
-        "imported": list(brought.imported),
-        "pulled": list(brought.pulled),
-        "images": dict(brought.after),
-        "present": dict(brought.present),
-        "pins": dict(brought.pins),
-        "diff": {"before": _lines(brought.before), "after": _lines(brought.after)},
-        **({"failed": True, "msg": "; ".join(brought.problems)} if brought.problems else {}),
-    }
-
-
-def _lines(images: Mapping[str, str]) -> str:
-    return "".join(f"{ref} {digest or 'as the registry has it'}\n" for ref, digest in sorted(images.items()))

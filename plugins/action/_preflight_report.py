@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
-from ..plugin_utils._preflight.findings import ERROR, PART, judge, report, requirements, server_addresses
+from ..plugin_utils._preflight.findings import ERROR, PART, judge, report, server_addresses
 
 
 class ActionModule(FleetAction):
@@ -26,12 +26,11 @@ class ActionModule(FleetAction):
         name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
         if "facts" not in hostvars[host][name]:
             return {"changed": False, "skipped": True, "msg": "it could not be reached"}
-        variables = self.variables(known, "preflight")
-        wanted = requirements(params, variables, server_addresses(params["servers"], host, hostvars))
+        others = server_addresses(params["servers"], host, hostvars)
         # every host of the play that answered: names and MTUs are compared across them
         looks = {other: hostvars[other][name] for other in known["ansible_play_hosts"]}
         fleet = {other: look["facts"] for other, look in looks.items() if "facts" in look}
-        found = judge(fleet, host, wanted)
+        found = judge(fleet, host, {**self.variables(known, "preflight"), **params, "others": others})
         return {
             "changed": False,
             "failed": any(one.severity == ERROR for one in found),

@@ -146,8 +146,8 @@ class ActionModule(GatedAction):
             node = NodeImages(there, params["images_rate_limit"], self.say(self._vars), self._pull_secrets())
             refs = dict.fromkeys([*params["images_refs"], *wanted])
             brought = node.bring(params["images_archives"], refs, check, images(robot, "local"))
-            if brought.problems:
-                raise NotReadyError("; ".join(brought.problems))
+            if brought.get("failed"):
+                raise NotReadyError(brought["msg"])
 
         engine = Engine(robot, settings, self.run_of(kube, self._vars), self.world(self._vars, bring))
         outcome, self._since = engine.run(), engine.waiting

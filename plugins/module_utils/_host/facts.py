@@ -6,12 +6,13 @@ from __future__ import annotations
 import os
 import re
 import socket
-import threading
+from functools import partial
 from pathlib import Path
-from typing import Dict, Iterable
+from typing import Any, Dict, Iterable
 
 from .._common.documents import Arguments
 from .._common.poll import PASS
+from .._ros.rpc import in_parallel
 from .k3s import (
     BINARY,
     CONFIG_DIR,
@@ -26,6 +27,7 @@ from .k3s import (
     token_verdict,
 )
 from .k3s_change import K3sChange
+from .service_sockets import LISTEN, socket_rows
 
 Facts = Dict[str, object]  # as they are written as JSON
 
@@ -34,8 +36,8 @@ V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 KUBELET_CONFIG = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
 CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
+MEMORY = re.compile(r"^MemTotal:\s+(\d+) kB", re.MULTILINE)
 OS_RELEASE = re.compile(r"^(\w+)=[\"']?(.*?)[\"']?\s*$", re.MULTILINE)
-TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
 # flannel's overlay, and the sets of k3s's network policies
@@ -48,7 +50,7 @@ SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.M
 
 def system(host: Host) -> Facts:
     release = dict(OS_RELEASE.findall(host.read("/etc/os-release")))
-    name = os.uname()
+    name, memory = os.uname(), MEMORY.search(host.read("/proc/meminfo"))
     return {
         "os": {"id": release.get("ID", ""), "name": release.get("PRETTY_NAME", "")},
         "kernel": name.release,
@@ -59,6 +61,7 @@ def system(host: Host) -> Facts:
         "systemd": host.exists("/run/systemd/system"),
         "root": os.geteuid() == 0,
         "overlay": "overlay" in host.read("/proc/filesystems").split(),
+        "memory_mb": int(memory.group(1)) // 1024 if memory else 0,
     }
 
 
@@ -83,11 +86,6 @@ def cgroup(host: Host) -> Facts:
         "cmdline": host.read("/proc/cmdline").strip(),
         "cmdline_file": file,
     }
-
-
-def memory_mb(host: Host) -> int:
-    found = re.search(r"^MemTotal:\s+(\d+) kB", host.read("/proc/meminfo"), re.MULTILINE)
-    return int(found.group(1)) // 1024 if found else 0
 
 
 def disk(host: Host, directory: str) -> Facts:
@@ -136,13 +134,11 @@ def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
     """Who listens on the named (protocol, port) pairs."""
     wanted = set(ports)
     sockets: dict[str, tuple[str, int]] = {}
-    for protocol, state in (("tcp", TCP_LISTEN), ("udp", UDP_UNCONNECTED)):
+    for protocol, state in (("tcp", LISTEN), ("udp", UDP_UNCONNECTED)):
         for table in (f"/proc/net/{protocol}", f"/proc/net/{protocol}6"):
-            for row in (line.split() for line in host.read(table).splitlines()[1:]):
-                if len(row) > 9 and row[3] == state:
-                    pair = (protocol, int(row[1].rpartition(":")[2], 16))
-                    if pair in wanted:
-                        sockets[row[9]] = pair
+            for row in socket_rows(host.read(table)):
+                if row.state == state and (protocol, row.local[1]) in wanted:
+                    sockets[row.inode] = (protocol, row.local[1])
     owners = socket_owners(host, sockets) if sockets else {}
     held = {(*pair, *owners.get(inode, ("", False))) for inode, pair in sockets.items()}
     return [dict(zip(("protocol", "port", "process", "k3s"), row)) for row in sorted(held)]
@@ -170,19 +166,14 @@ def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, boo
     return owners
 
 
-def server_url(config: str) -> str:
-    """The server that a text of config.yaml names."""
-    found = SERVER_URL.search(config)
-    return found.group(1) if found else ""
-
-
-def k3s_leftovers(host: Host) -> Facts:
+def k3s_leftovers(host: Host) -> dict[str, Any]:
     config = host.read(f"{CONFIG_DIR}/config.yaml")
+    server = SERVER_URL.search(config)
     there = {f"{unit}.service": f"{UNIT_DIRECTORY}/{unit}.service" for unit in SERVICES.values()}
     units = {unit: host.read(path) for unit, path in there.items() if host.exists(path)}
     return {
         "config": bool(config),
-        "server_url": server_url(config),
+        "server_url": server.group(1) if server else "",
         "node_password": host.exists("/etc/rancher/node/password"),
         "server_data": bool(host.names(f"{DATA_DIR}/server/db")),
         "agent_data": host.exists(f"{DATA_DIR}/agent/client-kubelet.crt"),
@@ -208,19 +199,11 @@ def knock(address: str, port: int, timeout: float) -> str:
 
 def reach(targets: list[str], timeout: float) -> list[Facts]:
     """All knocks at once: three silent servers cost one time-out, not three."""
-    outcomes = ["timeout"] * len(targets)
     places = [(host.strip("[]"), int(port)) for host, _colon, port in (target.rpartition(":") for target in targets)]
-
-    def one(number: int) -> None:
-        outcomes[number] = knock(*places[number], timeout)
-
-    threads = [threading.Thread(target=one, args=(number,), daemon=True) for number in range(len(targets))]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        # a resolver that hangs has no time-out of its own
-        thread.join(2 * timeout)
-    return [{"host": host, "port": port, "outcome": said} for (host, port), said in zip(places, outcomes)]
+    knocks = {(host, port): partial(knock, host, port, timeout) for host, port in places}
+    # a resolver that hangs has no time-out of its own
+    found = in_parallel(knocks, 2 * timeout, lambda _place, _error: "timeout")
+    return [{"host": host, "port": port, "outcome": found[host, port]} for host, port in places]
 
 
 def firewalls(host: Host) -> list[str]:
@@ -251,7 +234,6 @@ def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], ti
     return {
         **system(host),
         "cgroup": cgroup(host),
-        "memory_mb": memory_mb(host),
         "disk": disk(host, PARENT),
         "routes": routes(host),
         "listening": listening(host, ports),
@@ -281,8 +263,8 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     shown = host.show(service)
     # what runs now runs, however often it had to be started before
     seen = host.look(role, restarts_before=int(shown.get("NRestarts") or 0))
-    change = K3sChange(host.run, role).record()
-    data = host.path(f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt").exists()
+    change, there = K3sChange(host.run, role).record(), k3s_leftovers(host)
+    data = there["server_data" if role == "server" else "agent_data"]
     knocks = [] if data else reach(servers, KNOCK)
     return {
         "machine": os.uname().machine,
@@ -294,7 +276,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
             "enabled": shown.get("UnitFileState") == "enabled",
             "installed": shown.get("LoadState") == "loaded",
         },
-        "other_service": host.path(f"{UNIT_DIRECTORY}/{other}.service").exists(),
+        "other_service": f"{other}.service" in there["units"],
         "stale": host.stale(service, files),
         "ready": seen.verdict == PASS,
         "data": data,
@@ -305,7 +287,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
             )
             for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
         },
-        "server_url": server_url(host.read(f"{CONFIG_DIR}/config.yaml")),
+        "server_url": there["server_url"],
         "cgroup_refused": cgroup(host)["refused"],
         "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
         "change": {"unproven": change.unproven, "version": change.version},

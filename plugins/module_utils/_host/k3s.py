@@ -82,12 +82,6 @@ def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
     return text
 
 
-def last_errors(journal: list[str], count: int) -> list[str]:
-    """The last lines of errors, each cut to a readable length; k3s writes much, and most of it is no news."""
-    errors = [line for line in journal if TROUBLE.search(line)]
-    return [line[:LONGEST_LINE] for line in (errors or journal)[-count:]]
-
-
 def version_of(text: str) -> str:
     """`v1.34.2+k3s1` out of `k3s version v1.34.2+k3s1 (sha)`."""
     found = re.search(r"\bv\d+\.\d+\.\d+\S*", text)
@@ -210,8 +204,10 @@ class K3sHost(Host):
         """The last lines that say something is wrong; of a unit that says nothing of the kind, the last lines."""
         secrets = [self.read(f"{CONFIG_DIR}/{name}") for name in ("token", "agent-token")]
         command = ["journalctl", "-u", service, "--since", f"@{int(since)}", "-n", "500", "-o", "cat", "--no-pager"]
-        text = without_secrets(str(self.run(command)[1]), secrets)
-        return "\n".join(last_errors(text.splitlines(), lines))
+        said = without_secrets(str(self.run(command)[1]), secrets).splitlines()
+        # k3s writes much, and most of it is no news
+        errors = [line for line in said if TROUBLE.search(line)]
+        return "\n".join(line[:LONGEST_LINE] for line in (errors or said)[-lines:])
 
     def api(self, path: str) -> tuple[bool, str]:
         """GET below the local API server, with the administrator's certificate that k3s made."""

@@ -60,23 +60,17 @@ class Process(NamedTuple):
     cgroup: str
 
 
-def own_processes(processes: Iterable[Process]) -> list[int]:
-    """What is left in the units' cgroups, the pods' shims and everything below them, the youngest first."""
+def own_processes(processes: Iterable[Process]) -> dict[int, bool]:
+    """What is left in the units' cgroups, the pods' shims and everything below them, the youngest first.
+
+    Of each whether it is in a container: these get the time that a pod has to stop. A shim is nobody's to ask.
+    """
     listed = list(processes)
-    found = {process.pid for process in listed if _is_k3s(process)}
-    while below := {process.pid for process in listed if process.parent in found} - found:
+    k3s = {one.pid for one in listed if SHIM.search(one.command) or UNIT_CGROUP.search(one.cgroup)}
+    found = set(k3s)
+    while below := {one.pid for one in listed if one.parent in found} - found:
         found |= below
-    return sorted(found, reverse=True)
-
-
-def in_pods(processes: Iterable[Process]) -> list[int]:
-    """Of these the ones in containers: they get the time that a pod has to stop. A shim is nobody's to ask."""
-    listed = list(processes)
-    return [pid for pid in own_processes(listed) if pid not in {one.pid for one in listed if _is_k3s(one)}]
-
-
-def _is_k3s(process: Process) -> bool:
-    return bool(SHIM.search(process.command) or UNIT_CGROUP.search(process.cgroup))
+    return {pid: pid not in k3s for pid in sorted(found, reverse=True)}
 
 
 def own_mounts(mounts: str) -> list[str]:
@@ -155,19 +149,23 @@ class Remover(K3sHost):
         """
         found = own_processes(self.running())
         if not found or self.dry:
-            return found
-        self.send(in_pods(self.running()), signal.SIGTERM)
-        poll(lambda: Seen(WAIT if in_pods(self.running()) else PASS), STOP_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
+            return list(found)
+
+        def stop() -> Seen:
+            return Seen(WAIT if any(own_processes(self.running()).values()) else PASS)
+
+        self.send((pid for pid, in_pod in found.items() if in_pod), signal.SIGTERM)
+        poll(stop, STOP_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
 
         def end() -> Seen:
-            left = own_processes(self.running())
+            left = list(own_processes(self.running()))
             self.send(left, signal.SIGKILL)
             return Seen(WAIT if left else PASS, left)
 
         polled = poll(end, END_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
         if polled.verdict != PASS:
             raise FleetError(f"processes {polled.last} do not end")
-        return found
+        return list(found)
 
     def send(self, processes: Iterable[int], number: int) -> None:
         for pid in processes:
@@ -215,7 +213,8 @@ class Remover(K3sHost):
         # what the CNI plugins remember of k3s's network; that of other engines is beside it
         results = [f"{CNI_RESULTS}/{name}" for name in self.names(CNI_RESULTS) if name.startswith("cbr0-")]
         found = [name for name in [*OURS, *([*PLACES, *results] if installed else [])] if self.removable(name)]
-        found += [name for name in LINKS if self.links_to_k3s(name)]
+        links = [name for name in LINKS if self.path(name).is_symlink()]
+        found += [name for name in links if Path(os.readlink(str(self.path(name)))).name == "k3s"]
         found += self.data_paths(volumes)
         found += [name for name in (CONFIG_DIR, *BINARIES) if self.removable(name)]
         if identity and self.path(IDENTITY).exists():
@@ -228,10 +227,6 @@ class Remover(K3sHost):
         """Whether it is there; a mount point of the operator's counts only with something in it."""
         path = self.path(name)
         return any(path.iterdir()) if self.kept_by_operator(name) else os.path.lexists(str(path))
-
-    def links_to_k3s(self, name: str) -> bool:
-        path = self.path(name)
-        return path.is_symlink() and Path(os.readlink(str(path))).name == "k3s"
 
     def data_paths(self, volumes: bool) -> list[str]:
         """The data directory piece by piece if the volumes stay, so that theirs is never touched."""

@@ -24,7 +24,7 @@ from .._kube.access import NoClusterError, ServersAwayError, given_options
 from .._kube.kubeconfig import is_foreign, keep, local_kubeconfig, url_at
 from .._model.fleet import Home
 from .._model.topology import EDGE_CLUSTER, address
-from .leftovers import OURS, hold, sweep
+from .leftovers import prefix, sweep
 
 LEADING = ("host", "kubeconfig", "context")  # options that say which API
 AWAY_SECONDS = 60.0  # a server that could not be reached is not tried again by every robot of its cluster
@@ -86,7 +86,6 @@ class Fetch:
         """The way to a cluster, by the first of its servers that is there and serves."""
         path = self._path(home.part.cluster, "yaml")
         with self._alone(home.part.cluster):
-            hold(self.directory, os.getpid())
             if not path.exists():
                 sweep(self.directory)
                 self._refuse_again(home.part.cluster)
@@ -146,7 +145,7 @@ class Fetch:
         self._path(cluster, "failed").write_text(json.dumps(note), "utf-8")
 
     def _path(self, cluster: str, kind: str) -> Path:
-        return self.directory / f"{OURS}{cluster}.{kind}"
+        return self.directory / f"{prefix()}{cluster}.{kind}"
 
     @contextlib.contextmanager
     def _alone(self, cluster: str) -> Iterator[None]:

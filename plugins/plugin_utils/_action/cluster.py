@@ -112,7 +112,7 @@ class ClusterAction(FleetAction):
 
     def _compared(self, way: Way, home: Home, known: Mapping[str, Any], patience: float) -> Kube:
         """An open connection to a cluster that says to be the host's."""
-        kube = Kube(access_from(way.options, way.environment), patience, self.say(known))
+        kube = Kube(access_from(way.options, way.environment, way.source), patience, self.say(known))
         try:
             where = f"{kube.host} (from {way.source})"
             if not (way.own or home.fleet):

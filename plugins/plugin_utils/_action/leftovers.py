@@ -1,70 +1,47 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a killed run left in Ansible's temporary directory: an administrator's kubeconfig, which the next run removes.
 
-Every run says in its own directory whose it is, and each task that uses the access holds a lock there. What belongs to
-a run of which nobody can tell that it has ended stays: of another machine, or of a container with processes of its own.
+Ansible names the directory after the process of the run; the names of our files say where that process is to be looked
+for. What belongs to a run of which nobody can tell that it has ended stays: of another machine, or of a container with
+processes of its own. A task that outlives its run for a moment has read the file, and needs it no more.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import functools
-import json
-import multiprocessing
+import hashlib
 import os
+import re
 import stat
-from collections.abc import Iterator
+import time
 from pathlib import Path
-from typing import Any
 
-OURS = "rosops-fleet-"  # what the names of a run's files begin with, those that are being written after a dot
-OWNER, USED = f"{OURS}owner.json", f"{OURS}used.lock"
-
-Owner = dict[str, Any]
+RUN = re.compile(r"ansible-local-(\d+)\w{8}")
 
 
 @functools.cache
-def hold(directory: Path, _process: int) -> None:
-    """Say whose directory it is, and that this process uses what lies there, as long as it lives."""
-    used = os.open(directory / USED, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)  # the end of the process closes it
-    fcntl.flock(used, fcntl.LOCK_SH)
-    (directory / OWNER).write_text(json.dumps(owner_at_work()), "utf-8")
-
-
-def owner_at_work() -> Owner:
-    """The run of this process, as another process can find it again."""
-    parent = multiprocessing.parent_process()
-    process = (parent.pid if parent else None) or os.getpid()
+def prefix() -> str:
+    """What the names of a run's files begin with, on this machine and with the numbers of its processes; those that are
+    being written after a dot."""
     with contextlib.suppress(OSError):
-        return {
-            "machine": f"{os.uname().nodename} {_read('/etc/machine-id')}",
-            "boot": _read("/proc/sys/kernel/random/boot_id"),
-            "processes": str(Path("/proc/self/ns/pid").readlink()),
-            "process": process,
-            "started": started(process),
-        }
-    return {}
-
-
-def has_ended(owner: Owner) -> bool:
-    """Whether that run is over for certain."""
-    now = owner_at_work()
-    if not now or owner.keys() != now.keys() or owner["machine"] != now["machine"]:
-        return False
-    if owner["boot"] != now["boot"]:
-        return True
-    return bool(owner["processes"] == now["processes"] and owner["started"] != started(owner["process"]))
+        told = os.uname().nodename, _read("/etc/machine-id"), str(Path("/proc/self/ns/pid").readlink())
+        return f"rosops-fleet-{hashlib.sha256(repr(told).encode()).hexdigest()[:12]}-"
+    return f"rosops-fleet-{os.getpid()}-"  # nobody else's, so that nobody removes them
 
 
 def sweep(directory: Path) -> list[str]:
     """Remove our files from the directories of runs that have ended, beside this run's; their paths."""
     removed: list[str] = []
-    for place in sorted(directory.parent.glob("ansible-local-*")):
+    for place in sorted({*directory.parent.glob("ansible-local-*")} - {directory}):
         # another run may be at the same one, and whoever ends tidies up himself
-        with contextlib.suppress(OSError, ValueError):
-            if place != directory and _is_written_by_us_alone(place):
-                removed += _swept(place)
+        with contextlib.suppress(OSError):
+            run = RUN.fullmatch(place.name)
+            if run and _is_written_by_us_alone(place) and _has_ended(int(run[1]), place):
+                for path in sorted(place.iterdir()):
+                    if path.name.removeprefix(".").startswith(prefix()):
+                        path.unlink()
+                        removed.append(str(path))
     return removed
 
 
@@ -74,17 +51,11 @@ def _is_written_by_us_alone(place: Path) -> bool:
     return stat.S_ISDIR(seen.st_mode) and seen.st_uid == os.getuid() and not seen.st_mode & 0o022
 
 
-def _swept(place: Path) -> Iterator[str]:
-    owner = json.loads((place / OWNER).read_text("utf-8"))
-    if not (isinstance(owner, dict) and has_ended(owner)):
-        return
-    with (place / USED).open("rb") as used:
-        fcntl.flock(used, fcntl.LOCK_EX | fcntl.LOCK_NB)  # BlockingIOError: a task outlives its run for a moment
-        ours = [path for path in place.iterdir() if path.name.removeprefix(".").startswith(OURS)]
-        # that of the owner is the last one, so that a sweep can be gone on with
-        for path in sorted(ours, key=lambda path: (path.name == OWNER, path.name)):
-            path.unlink()
-            yield str(path)
+def _has_ended(process: int, place: Path) -> bool:
+    """Numbers are given out again: a process that is younger than the run's directory is another one."""
+    ticks = started(process)
+    age = time.clock_gettime(time.CLOCK_BOOTTIME) - int(ticks or 0) / os.sysconf("SC_CLK_TCK")
+    return not ticks or age + 1 < time.time() - place.stat().st_mtime
 
 
 def started(process: int) -> str:

@@ -77,28 +77,6 @@ class Present:
 
 
 @dataclass(frozen=True)
-class Brought:
-    """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
-
-    `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
-    would pull has an empty ID in `after`. `present` are all that the node has now, `pins` those whose pin is
-    another one now (`pins`).
-    """
-
-    imported: tuple[str, ...] = ()
-    pulled: tuple[str, ...] = ()
-    problems: tuple[str, ...] = ()
-    before: Mapping[str, str] = field(default_factory=dict)
-    after: Mapping[str, str] = field(default_factory=dict)
-    present: Mapping[str, str] = field(default_factory=dict)
-    pins: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def changed(self) -> bool:
-        return bool(self.imported or self.pulled or self.pins)
-
-
-@dataclass(frozen=True)
 class NodeImages:
     """The images of one node. `say` is told what takes long; `logins` are `{registry, username, password}`."""
 
@@ -116,16 +94,16 @@ class NodeImages:
 
     def bring(
         self, archives: Iterable[Arguments], names: Iterable[str], check: bool = False, keep: Iterable[str] = ()
-    ) -> Brought:
+    ) -> Result:
         """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks. What of
-        `keep` an earlier run pinned stays pinned.
+        `keep` an earlier run pinned stays pinned. Returned is a task's result, with all that the node has in `present`.
 
         SpecError for an archive that cannot be used, ImagesError for a step that fails on the node. What an interrupted
         transfer left stays there, for the next one to resume.
         """
         archives, names = [*archives], [*names]
         if not archives and not names:
-            return Brought()
+            return {"changed": False, "imported": [], "pulled": [], "present": {}}
         there = self.present(without_k3s=check)
         archives = [{**one, "path": local_path(one["path"])} for one in archives]
         wanted, lacking, pull = images_plan(archives, names, there)
@@ -143,13 +121,19 @@ class NodeImages:
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             _require(self._command("/bin/sh", "-c", LABEL, BINARY, *pairs), f"images not pinned: {' '.join(pairs)}")
-        before, now = ({ref: one.images[ref] for ref in wanted if ref in one.images} for one in (there, after))
-        problems = tuple(
+        problems = [
             f"{ref} has the ID {after.images[ref]}, not {digest}" if ref in after.images else f"{ref} is not there"
             for ref, digest in sorted(wanted.items())
             if ref not in after.images or (digest and after.images[ref] != digest)
-        )
-        return Brought(tuple(lacking), tuple(pull), problems, before, now, after.images, changes)
+        ]
+        return {
+            "changed": bool(lacking or pull or changes),
+            "imported": list(lacking),
+            "pulled": pull,
+            "present": dict(after.images),
+            "diff": {"before": _lines(wanted, there), "after": _lines(wanted, after)},
+            **({"failed": True, "msg": "; ".join(problems)} if problems else {}),
+        }
 
     def _change(
         self, wanted: Mapping[str, str], lacking: Mapping[str, Sequence[Image]], pull: Iterable[str], there: Present
@@ -203,6 +187,11 @@ class NodeImages:
         """Run it; what it gets on its standard input is a secret."""
         given = {"argv": [*argv], **({"stdin": stdin} if stdin else {})}
         return self.host.module("ansible.builtin.command", given, secret=bool(stdin))
+
+
+def _lines(wanted: Iterable[str], there: Present) -> str:
+    found = sorted((ref, there.images[ref]) for ref in wanted if ref in there.images)
+    return "".join(f"{ref} {digest or 'as the registry has it'}\n" for ref, digest in found)
 
 
 def _require(result: Result, what: str, more: str = "") -> None:

@@ -41,14 +41,6 @@ def file_changes(wanted: Sequence[HostFile], found: Result) -> dict[str, list[st
     }
 
 
-def missing_tokens(now: Result, names: Sequence[str], init: bool) -> list[str]:
-    """Tokens to write. A host that has not joined takes all anew: those it has may be an earlier cluster's."""
-    if not init and not now["data"]:
-        return list(names)
-    verdicts = {"token": now["tokens"]["server"], "agent-token": now["tokens"]["agent"]}
-    return [name for name in names if verdicts[name] in WRITE]
-
-
 def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfig_right: bool) -> Result:
     """Everything that is to be done, and whether there is anything (`any`), but a wait (`undone`). No secret is in it.
 
@@ -57,7 +49,10 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     `down`: it has such data and is not up.
     """
     binary = now["files"][BINARY]["sha256"] != source.sha256 if source.sha256 else now["version"] != version
-    tokens = missing_tokens(now, wanted.tokens, wanted.init)
+    verdicts = {"token": now["tokens"]["server"], "agent-token": now["tokens"]["agent"]}
+    # a host that has not joined takes all anew: those it has may be an earlier cluster's
+    joins = not wanted.init and not now["data"]
+    tokens = [name for name in wanted.tokens if joins or verdicts[name] in WRITE]
     changes = file_changes(wanted.files, now["files"])
     changed = bool(binary or tokens or any(changes.values()) or now["stale"])
     up = now["service"]["active"] in UP

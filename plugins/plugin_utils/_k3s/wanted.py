@@ -134,11 +134,14 @@ def wanted(
     token_files = [f"{CONFIG_DIR}/{name}" for name in tokens]
     started_with = (config_file, unit, registries, environment, *token_files, BINARY)
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
+    # systemd reads a value as C does, which JSON's quotes are
+    given = sorted(variables["k3s_environment"].items(), key=lambda one: one[0].lower())
+    variables_text = "".join(f"{name}={json.dumps(str(value))}\n" for name, value in given)
     files = (
         HostFile(config_file, _yaml(config), "0600", secret),
         HostFile(unit, unit_text(role, started_with, variables), "0644", False),
         HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
-        HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
+        HostFile(environment, HEADER + variables_text if variables_text else "", "0600", True),
     )
     path = variables["k3s_kubeconfig_path"]
     kubeconfig = str(Path(path).expanduser()) if init and path else ""
@@ -184,12 +187,6 @@ def unit_text(role: str, started_with: Sequence[str], variables: Variables) -> s
     return HEADER + UNIT.format(
         role=role, state=STATE.replace("%", "%%"), started_with=read, record=record, binary=BINARY, limits=lines
     )
-
-
-def environment_text(environment: Variables) -> str:
-    """The unit's environment; empty if there is none. systemd reads a value as C does, which JSON's quotes are."""
-    lines = (f"{name}={json.dumps(str(environment[name]))}\n" for name in sorted(environment, key=str.lower))
-    return HEADER + "".join(lines) if environment else ""
 
 
 # --- where it comes from ----------------------------------------------------------------------------------------------

@@ -31,7 +31,6 @@ from .cache import Ref
 
 try:
     import urllib3
-    from kubernetes import config as kube_config
     from kubernetes.client import Configuration
     from kubernetes.client.rest import RESTClientObject
 
@@ -44,6 +43,7 @@ except ImportError:
 # the variables K8S_AUTH_*.
 OPTIONS = ("host", "api_key", "kubeconfig", "context", "ca_cert", "validate_certs", "proxy", "no_proxy")
 ACCESS_ARGS: Mapping[str, Any] = {name: AUTH_ARG_SPEC[name] for name in OPTIONS}
+ANYWHERE = "the task's options, its environment or ~/.kube/config"
 IDENTITY = Ref("ConfigMap", "rosops-fleet", "kube-system", "v1")
 
 
@@ -69,11 +69,11 @@ class Access:
     source: str
 
 
-def access_from(params: Arguments, environment: bool = True) -> Access:
+def access_from(params: Arguments, environment: bool = True, source: str = ANYWHERE) -> Access:
     """The access that a task's options describe, and for those not given, if it counts, the process' environment.
 
-    Raises NoClusterError where the kubeconfig is not there, KubeError when the library is missing or no credentials
-    can be read.
+    `source` says in messages whence that is. Raises NoClusterError where the kubeconfig is not there, KubeError when
+    the library is missing or no credentials can be read.
     """
     if IMPORT_ERROR:
         raise KubeError(
@@ -84,15 +84,19 @@ def access_from(params: Arguments, environment: bool = True) -> Access:
     with contextlib.nullcontext() if environment else _without_environment():
         auth = kubernetes_core.create_auth_spec(None, **given)
         own_headers = kubernetes_core.create_headers(None, **given)
-    _look_for(auth.get("kubeconfig"))
+    path = auth["kubeconfig"] if isinstance(auth.get("kubeconfig"), str) else ""
+    if path and not any(Path(one).expanduser().exists() for one in path.split(os.pathsep)):
+        raise NoClusterError(
+            f"There is no kubeconfig {path} on the control node. Without one that is given, a run fetches its access "
+            "from the cluster's own server."
+        )
     try:
         configuration = kubernetes_core.create_configuration(auth)
     except Exception as exc:  # the client's loader lets through what YAML, files and plugins raise
-        where = auth["kubeconfig"] if isinstance(auth.get("kubeconfig"), str) else "kubeconfig"
         why = " ".join(str(exc).split())
         raise KubeError(
-            f"No usable Kubernetes credentials in {where}: {why}. Set kubeconfig (or K8S_AUTH_KUBECONFIG) to the "
-            "cluster's kubeconfig, or host and api_key (K8S_AUTH_HOST, K8S_AUTH_API_KEY)."
+            f"No usable Kubernetes credentials in {path or 'kubeconfig'}: {why}. Set kubeconfig (or "
+            "K8S_AUTH_KUBECONFIG) to the cluster's kubeconfig, or host and api_key (K8S_AUTH_HOST, K8S_AUTH_API_KEY)."
         ) from exc
     finally:
         # The loader keeps what it read as the process' default; a second cluster must not inherit the first one's.
@@ -102,7 +106,7 @@ def access_from(params: Arguments, environment: bool = True) -> Access:
         for name, values in own_headers.items()
         for value in (values if isinstance(values, list) else [values])
     ]
-    return Access(configuration, RESTClientObject(configuration).pool_manager, tuple(headers), _source(auth))
+    return Access(configuration, RESTClientObject(configuration).pool_manager, tuple(headers), source)
 
 
 def given_options(params: Arguments) -> Result:
@@ -118,32 +122,6 @@ def _without_environment() -> Iterator[None]:
         yield
     finally:
         os.environ.update(hidden)
-
-
-def _look_for(kubeconfig: Any) -> None:
-    if not isinstance(kubeconfig, str) or any(Path(one).expanduser().exists() for one in kubeconfig.split(os.pathsep)):
-        return
-    raise NoClusterError(
-        f"There is no kubeconfig {kubeconfig} on the control node. Without one that is given, a run fetches its access "
-        "from the cluster's own server."
-    )
-
-
-def _source(auth: Arguments) -> str:
-    own = auth.get("api_key") or auth.get("password") or (auth.get("cert_file") and auth.get("key_file"))
-    if auth.get("host") and own:
-        return "the given host and credentials"
-    kubeconfig = auth.get("kubeconfig")
-    if isinstance(kubeconfig, Mapping):
-        return "the given kubeconfig"
-    if not kubeconfig and not auth.get("context") and os.environ.get("KUBERNETES_SERVICE_HOST"):
-        return "the pod's service account"
-    return f"kubeconfig {kubeconfig or os.environ.get('KUBECONFIG', '~/.kube/config')}"
-
-
-def forget_key_files() -> None:
-    """Remove the files that the client made of a kubeconfig's inline keys."""
-    kubernetes_core.remove_key_files(kube_config)
 
 
 # --- whose it is ------------------------------------------------------------------------------------------------------

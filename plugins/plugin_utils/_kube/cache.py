@@ -10,21 +10,6 @@ from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object, name_of
 from .pods import controller_of, meta, uid_of
 
-
-@dataclass(frozen=True)
-class Resource:
-    """A kind's place: the path of its group and version, its plural name, whether it lives in a namespace."""
-
-    base: str
-    plural: str
-    namespaced: bool = True
-
-    def path(self, namespace: str = "", name: str = "") -> str:
-        """Of one object, or without a name of the list; without a namespace of the list everywhere."""
-        space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
-        return f"{self.base}{space}/{self.plural}" + (f"/{name}" if name else "")
-
-
 # The kinds that the collection deals with, by the path of their API.
 KINDS = {
     "/apis/admissionregistration.k8s.io/v1": ("ValidatingAdmissionPolicy", "ValidatingAdmissionPolicyBinding"),
@@ -42,8 +27,9 @@ POLICIES = KINDS["/apis/admissionregistration.k8s.io/v1"]
 OF_CLUSTER = (*POLICIES, "ClusterRole", "ClusterRoleBinding")  # an account that may not write them finds them there
 IN_NO_NAMESPACE = (*OF_CLUSTER, "Namespace", "Node", "PersistentVolume", "StorageClass")
 ENDINGS = {"s": "ses", "y": "ies"}  # as Kubernetes guesses a kind's plural, too (meta.UnsafeGuessKindToResource)
-RESOURCES = {
-    kind: Resource(base, kind[:-1].lower() + ENDINGS.get(kind[-1], f"{kind[-1]}s"), kind not in IN_NO_NAMESPACE)
+# Kind -> the path of its group and version, and its plural name.
+PLACES = {
+    kind: (base, kind[:-1].lower() + ENDINGS.get(kind[-1], f"{kind[-1]}s"))
     for base, kinds in KINDS.items()
     for kind in kinds
 }
@@ -64,7 +50,9 @@ class Ref:
 
     @property
     def path(self) -> str:
-        return RESOURCES[self.kind].path(self.namespace, self.name)
+        base, plural = PLACES[self.kind]
+        space = f"/namespaces/{self.namespace}" if self.namespace and self.kind not in IN_NO_NAMESPACE else ""
+        return f"{base}{space}/{plural}" + (f"/{self.name}" if self.name else "")
 
     def as_dict(self) -> dict[str, str]:
         return {"kind": self.kind, "name": self.name, "namespace": self.namespace}
@@ -132,7 +120,7 @@ def _in_group(ref: Ref, group: str) -> bool:
 def targets_for(refs: Iterable[Ref]) -> list[Ref]:
     """What is listed and watched for these: all of each kind that tells of them, in each of their namespaces."""
     kinds = {(kind, ref.namespace) for ref in refs if has_rollout(ref) for kind in WATCHED[ref.kind]}
-    return sorted({Ref(kind, "", space if RESOURCES[kind].namespaced else "") for kind, space in kinds})
+    return sorted({Ref(kind, "", "" if kind in IN_NO_NAMESPACE else space) for kind, space in kinds})
 
 
 def parse_refs(objects: Sequence[Object]) -> list[Ref]:
@@ -144,7 +132,7 @@ def parse_refs(objects: Sequence[Object]) -> list[Ref]:
         kind, name, namespace = (str(obj.get(key) or full.get(key) or "") for key in ("kind", "name", "namespace"))
         ref = Ref(kind, name, namespace, str(obj.get("api_version") or obj.get("apiVersion") or ""))
         needed = ["kind", "name"]
-        if has_rollout(ref) and RESOURCES[kind].namespaced:
+        if has_rollout(ref) and kind not in IN_NO_NAMESPACE:
             needed.append("namespace")
         elif has_rollout(ref):
             ref = replace(ref, namespace="")

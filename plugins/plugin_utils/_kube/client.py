@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import without_secrets
@@ -12,15 +13,11 @@ from ...module_utils._step.objects import Object, is_in
 from ...module_utils._step.words import MANAGER
 from .._model.secrets import secrets_in, without
 from .applied import HIDDEN, Applied, Fields, applied, foreign_fields, taken_over, without_fields
-from .cache import OF_CLUSTER, POLICIES, RESOURCES, Ref
+from .cache import OF_CLUSTER, Ref
 from .connection import APPLY, JSON, MERGE, ApiConnection, ApiError, Query, anew
 
 FENCED = ("Deployment",)  # what the keeper writes, too
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
-NO_POLICIES = (
-    "WARNING: Kubernetes at {host} is older than 1.30 and knows no ValidatingAdmissionPolicy: what the robots' keepers "
-    "may do is bounded by their Roles alone"
-)
 ADMINISTRATORS = (
     "It is the whole cluster's, and not as this version of the collection has it. Run rosops.fleet.awx_access and then "
     "rosops.fleet.site with an administrator's access (SSH to the servers), and then this again."
@@ -66,8 +63,7 @@ class Kube(ApiConnection):
         A field that an earlier definition had and this one has not goes: so does a label of a node that is taken out of
         the inventory. Fields that others own and the definition does not name are kept, but in the spec of the kinds
         OURS_ALONE: what others put into it goes. What is the whole cluster's (OF_CLUSTER) is written where it is not as
-        it should be: an account that may only read it goes on where it is. An API that knows no policies goes without,
-        and says so.
+        it should be: an account that may only read it goes on where it is.
 
         With `dry_run` the API server says what it would do. It cannot do so in a namespace that is not there: what
         belongs there would be new. An error names in its details, as `applied`, what was written before it.
@@ -79,12 +75,12 @@ class Kube(ApiConnection):
             try:
                 fenced = ref.kind in FENCED and not dry_run
                 before = present[ref] if ref in present and not fenced else self.get(ref)
-                if ref.kind in OF_CLUSTER and ((before and is_in(obj, before)) or self._lacks(ref, before)):
+                if ref.kind in OF_CLUSTER and before and is_in(obj, before):
                     done.append(applied(ref, before, before))
                     continue
                 done.append(applied(ref, before, self._applied(ref, obj, before, dry_run)))
             except ApiError as exc:
-                if dry_run and exc.status == 404 and self._namespace_is_new(ref):
+                if dry_run and exc.status == 404 and ref.namespace and not self.get(Ref("Namespace", ref.namespace)):
                     done.append(applied(ref, None, obj))
                     continue
                 if exc.status == 403 and ref.kind in OF_CLUSTER:
@@ -159,7 +155,7 @@ class Kube(ApiConnection):
     def create(self, obj: Object) -> Object:
         """A new object; status 409 if there is one of its name."""
         ref = ref_of(obj)
-        return self._object("POST", RESOURCES[ref.kind].path(ref.namespace), {}, obj, JSON)
+        return self._object("POST", replace(ref, name="").path, {}, obj, JSON)
 
     def replace(self, obj: Object) -> Object:
         """The whole object anew; status 409 if it is not of the resourceVersion that `obj` has."""
@@ -176,20 +172,6 @@ class Kube(ApiConnection):
                     item = items.get(ref.name)  # a list's items do not say what they are
                     found[ref] = item and {"apiVersion": ref.api_version, "kind": kind, **item}
         return found
-
-    def _lacks(self, ref: Ref, there: Object | None) -> bool:
-        """Whether the API is too old for it; said once."""
-        if there or ref.kind not in POLICIES:
-            return False
-        known = self._object("GET", RESOURCES[ref.kind].base, {}).get("resources") or ()
-        lacks = all(one.get("name") != RESOURCES[ref.kind].plural for one in known)
-        if lacks and NO_POLICIES not in self._told:
-            self._told.add(NO_POLICIES)
-            self._say(NO_POLICIES.format(host=self.host))
-        return lacks
-
-    def _namespace_is_new(self, ref: Ref) -> bool:
-        return bool(ref.namespace) and self.get(Ref("Namespace", ref.namespace)) is None
 
 
 def ref_of(obj: Object) -> Ref:

@@ -27,10 +27,12 @@ from ...module_utils._common.documents import Arguments
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object
 from ...module_utils._step.words import MANAGER
-from .access import BROKEN, Access, access_from, forget_key_files
+from .._upstream import kubernetes_core
+from .access import BROKEN, Access, access_from
 
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
+    from kubernetes import config as kube_config
 
 Answer = TypeVar("Answer")
 Query = Mapping[str, str | int]
@@ -45,7 +47,7 @@ RACES = 5  # somebody else may write an object between our look at it and our wr
 TODO = {
     401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",
     403: "These credentials lack that permission",
-    404: "Is that address a Kubernetes API?",
+    404: "Is that address a Kubernetes API, 1.30 or newer?",
     409: "Somebody else changed it at the same time: run again",
     422: "Kubernetes does not accept that value, or that field cannot be changed once the object is there",
 }
@@ -100,7 +102,6 @@ class ApiConnection:
         self._pool = self._access.pool
         self._patience, self._say, self._now, self._sleep = patience, say, now, sleep
         self._permit: Callable[[], None] = lambda: None
-        self._told: set[str] = set()  # what is said once
 
     @property
     def host(self) -> str:
@@ -126,7 +127,7 @@ class ApiConnection:
 
     def close(self) -> None:
         self._pool.clear()
-        forget_key_files()
+        kubernetes_core.remove_key_files(kube_config)  # made of a kubeconfig's inline keys
 
     def _headers(self, content: str) -> Any:
         headers = urllib3.HTTPHeaderDict({"Accept": JSON, "User-Agent": MANAGER})

@@ -71,26 +71,17 @@ def _texts(said: Object, names: Iterable[str]) -> dict[str, str]:
 
 
 def kubeconfig_head(source: str, server: str, cluster: str) -> str:
-    """The first line; `source` is the SHA-256 of the server's k3s.yaml."""
+    """The first line; `source` is the SHA-256 of the server's k3s.yaml; without it the line begins so."""
     return f"{HEAD}{cluster} at {server}, from k3s.yaml sha256:{source}"
-
-
-def is_made_from(path: str, head: str) -> bool:
-    """Whether the file is there and its first line is `head`."""
-    return _first_line(path) == head
-
-
-def is_of(path: str, server: str, cluster: str) -> bool:
-    """Whether the file is there and was written for this cluster, whatever k3s.yaml it was made from."""
-    return _first_line(path).startswith(kubeconfig_head("", server, cluster))
 
 
 def is_foreign(path: str) -> bool:
     """Whether the file is there and somebody else's: it is used, and not written over."""
-    return not (_first_line(path) or HEAD).startswith(HEAD)
+    return not (first_line(path) or HEAD).startswith(HEAD)
 
 
-def _first_line(path: str) -> str:
+def first_line(path: str) -> str:
+    """Empty where there is no such file."""
     try:
         with Path(path).open(encoding="utf-8") as file:
             return file.readline().rstrip("\n")

@@ -20,7 +20,7 @@ from .._model.names import SIDECAR
 from .cache import Ref, View
 from .client import Kube
 from .connection import ApiError
-from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, sidecars, uid_of
+from .pods import IMAGE_ERRORS, Verdict, condition, containers, ends, meta, uid_of
 
 FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
 _PROBE = r"\w+ probe failed: ?"
@@ -114,8 +114,7 @@ def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> lis
         return []
     lines: list[str] = []
     for container in containers(pod):
-        last = (container.get("lastState") or {}).get("terminated") or {}
-        now = (container.get("state") or {}).get("terminated") or {}
+        now, last = ends(container)
         ended = last or (now if now.get("exitCode") else {})
         node_ended = not ended and f"pod {name}: " in said and HOPELESS in said  # a node of it, and it has not
         if node_ended or (ended and not ended.get("message")):
@@ -165,28 +164,26 @@ def latest(events: Iterable[Object]) -> dict[str, str]:
 
 
 class ProbeNews:
-    """The pods' last lines, asked for at most once a second per namespace."""
+    """The pods' last lines, asked for at most once a second."""
 
     def __init__(self) -> None:
         self.lines: dict[str, str] = {}  # by pod uid
-        self._due: dict[str, float] = {}
-
-    def due(self, pods: Iterable[Object], now: float) -> float:
-        """When one of these may be asked for next."""
-        return min((self._due.get(_space(pod), now) for pod in pods), default=math.inf)
+        self.due = 0.0  # when they may be asked for next
 
     def ask(self, kube: Kube, pods: Sequence[Object], now: float) -> bool:
-        """Ask for those that are due; whether there was one."""
-        due = {_space(pod) for pod in pods if self._due.get(_space(pod), now) <= now}
-        for namespace in due:
-            try:
+        """Whether they were asked for."""
+        if not pods or now < self.due:
+            return False
+        self.due = now + SECONDS
+        try:
+            for namespace in {_space(pod) for pod in pods}:
                 self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
-                for pod in (one for one in pods if _space(one) == namespace and SIDECAR in sidecars(one)):
-                    self.lines[uid_of(pod)] = kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
-                self._due[namespace] = now + SECONDS
-            except ApiError as error:  # the wait can do without: the watch tells what matters
-                self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
-        return bool(due)
+            for pod in pods:
+                if SIDECAR in (one.get("name") for one in containers(pod)):
+                    self.lines[uid_of(pod)] = kube.log_tail(_space(pod), name_of(pod), SIDECAR, 1, previous=False)
+        except ApiError as error:  # the wait can do without: the watch tells what matters
+            self.due = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
+        return True
 
 
 def _space(pod: Object) -> str:

@@ -67,21 +67,15 @@ def controller_of(obj: Object) -> Object:
 
 def running(pod: Object) -> list[Object]:
     """What its status says of the containers that run, sidecars too; of none once it is told to end."""
-    status, beside = pod.get("status") or {}, sidecars(pod)
-    staying = [one for one in status.get("initContainerStatuses") or [] if one.get("name") in beside]
-    staying += status.get("containerStatuses") or []
-    return [one for one in staying if "running" in (one.get("state") or {}) and not is_terminating(pod)]
+    inits = (pod.get("spec") or {}).get("initContainers") or []
+    passing = [one["name"] for one in inits if one.get("restartPolicy") != "Always"]  # those that stay: KEP-753
+    now = [one for one in containers(pod) if "running" in (one.get("state") or {}) and one.get("name") not in passing]
+    return [] if is_terminating(pod) else now
 
 
 def waits_for_probe(pod: Object) -> bool:
     """Whether a container runs and is not ready: only its probe knows why. Of a readiness gate its condition tells."""
     return not is_ready(pod) and any(not one.get("ready") for one in running(pod))
-
-
-def sidecars(pod: Object) -> list[str]:
-    """Names of the init containers that stay (KEP-753)."""
-    found = (pod.get("spec") or {}).get("initContainers") or []
-    return [str(item["name"]) for item in found if item.get("restartPolicy") == "Always"]
 
 
 def containers(pod: Object) -> Iterator[Object]:
@@ -113,9 +107,9 @@ def _exit(ended: Object) -> str:
     return _words(f"{code} ({why})" if code and why else code or why, _message(ended))
 
 
-def _last_end(container: Object) -> Object:
-    """How the container ended that was there before this one."""
-    return dict((container.get("lastState") or {}).get("terminated") or {})
+def ends(container: Object) -> tuple[Object, Object]:
+    """How the container ended, and how the one did that was there before it."""
+    return _state(container, "terminated"), dict((container.get("lastState") or {}).get("terminated") or {})
 
 
 def _restarts(container: Object) -> str:
@@ -129,7 +123,7 @@ def _container_trouble(container: Object, where: str) -> Verdict | None:
     if why in IMAGE_ERRORS:
         return Verdict(FAIL, _words(where, why, f"image {container.get('image', '?')}", message))
     if why == CRASH_LOOP:  # by itself the kubelet restarts a first crash at once: without a restart it is no loop yet
-        looped, last = bool(container.get("restartCount")), _last_end(container)
+        looped, (_now, last) = bool(container.get("restartCount")), ends(container)
         said = _words(where, CRASH_LOOP, _restarts(container) + (f", last {_exit(last)}" if last else ""))
         return Verdict(FAIL if looped else WAIT, said, "" if looped else CRASH_LOOP)
     if why in CONFIG_ERRORS and not any(slow in message for slow in KUBELET_TOO_SLOW):
@@ -172,7 +166,7 @@ def error_end(pod: Object, before: Mapping[str, int]) -> Verdict | None:
     for container in containers(pod):
         name = str(container.get("name", "?"))
         again = int(container.get("restartCount") or 0)
-        for ended in (_state(container, "terminated"), _last_end(container) if again > before.get(name, 0) else {}):
+        for ended in ends(container)[: 2 if again > before.get(name, 0) else 1]:
             if ended.get("exitCode"):
                 times = f" ({_restarts(container)})" if again else ""
                 where = f"pod {name_of(pod)}, container {name}"
@@ -188,7 +182,7 @@ def last_end(pod: Object) -> tuple[str, str] | None:
     sandbox = str(condition(pod, "PodReadyToStartContainers").get("lastTransitionTime") or "")
     found = []
     for container in containers(pod):
-        again, ended = int(container.get("restartCount") or 0), _last_end(container)
+        again, ended = int(container.get("restartCount") or 0), ends(container)[1]
         at = str(ended.get("finishedAt") or "")
         if again and at and at >= sandbox:
             times = f"restarted {again} time{'' if again == 1 else 's'}"
@@ -201,8 +195,7 @@ def why_not_ready(pod: Object) -> str:
     who = f"pod {name_of(pod)}"
     if is_terminating(pod):
         return f"{who} is terminating"
-    found = trouble(pod)
-    if found:
+    if found := trouble(pod):
         return found.reason
     scheduled = condition(pod, "PodScheduled")
     if scheduled.get("status") != "True" and not (pod.get("spec") or {}).get("nodeName"):
@@ -218,8 +211,8 @@ def why_not_ready(pod: Object) -> str:
 
 
 def _unready_while_running(pod: Object, who: str) -> str:
-    containers = (pod.get("status") or {}).get("containerStatuses") or []
-    unready = [str(item.get("name", "?")) for item in containers if not item.get("ready")]
+    started = (pod.get("status") or {}).get("containerStatuses") or []
+    unready = [str(item.get("name", "?")) for item in started if not item.get("ready")]
     if unready:
         return f"{who}, container {', '.join(unready)}: not ready yet"
     for gate in (pod.get("spec") or {}).get("readinessGates") or []:

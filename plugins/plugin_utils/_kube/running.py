@@ -8,7 +8,7 @@ ends by chance.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ...module_utils._step.objects import Object, is_terminating
 from .._model import names
@@ -19,18 +19,12 @@ TODO = "give the image a version of its own, or delete the pod while the robot r
 Known = Callable[[str, str], Collection[str]]
 
 
-@dataclass(frozen=True)
-class Outdated:
-    """An app's container of this image, on this node."""
+class Outdated(NamedTuple):
+    """An app with such a container, and what is wrong with it."""
 
     namespace: str
     app: str
-    image: str
-    node: str
-
-    @property
-    def what(self) -> str:
-        return f"runs another image than {self.image} is by now on {self.node}: its pod keeps the old one"
+    what: str
 
 
 def outdated(pods: Iterable[Object], known: Known) -> Iterator[Outdated]:
@@ -48,4 +42,5 @@ def outdated(pods: Iterable[Object], known: Known) -> Iterator[Outdated]:
                 means = {*known(node, image)}
                 if has and means and not has & means:
                     app = str((meta(pod).get("labels") or {}).get(names.LABEL_APP) or meta(pod).get("name"))
-                    yield Outdated(str(meta(pod).get("namespace") or ""), app, image, node)
+                    what = f"runs another image than {image} is by now on {node}: its pod keeps the old one"
+                    yield Outdated(str(meta(pod).get("namespace") or ""), app, what)

@@ -204,14 +204,6 @@ def _daemon_set(ref: Ref, obj: Object, view: View) -> Verdict:
 # --- claim, node ----------------------------------------------------------------------------------------------------
 
 
-def _uses(obj: Object, claim: str) -> bool:
-    """Whether a pod that it wants has the claim among its volumes."""
-    spec = obj.get("spec") or {}
-    volumes = ((spec.get("template") or {}).get("spec") or {}).get("volumes") or []
-    wanted = _number(spec, "replicas", 1) > 0
-    return wanted and any((one.get("persistentVolumeClaim") or {}).get("claimName") == claim for one in volumes)
-
-
 def _unbound(claim: Object, view: View) -> str:
     """What a claim without a volume waits for; nothing where that is its first consumer."""
     name = (claim.get("spec") or {}).get("storageClassName")
@@ -233,9 +225,11 @@ def _claim(claim: Ref, obj: Object, view: View, refs: Iterable[Ref]) -> Verdict:
         return Verdict(FAIL, "Lost: its volume is gone")
     if why := _unbound(obj, view):
         return Verdict(WAIT, f"{phase}: {why}")
-    for ref in refs:
-        workload = view.get(ref.kind, ref.namespace, ref.name)
-        if workload and ref.namespace == claim.namespace and ref.kind != claim.kind and _uses(workload, claim.name):
+    for ref in (one for one in refs if one.kind in WORKLOADS and one.namespace == claim.namespace):
+        spec = (view.get(ref.kind, ref.namespace, ref.name) or {}).get("spec") or {}
+        volumes = ((spec.get("template") or {}).get("spec") or {}).get("volumes") or []
+        used = any((one.get("persistentVolumeClaim") or {}).get("claimName") == claim.name for one in volumes)
+        if used and _number(spec, "replicas", 1) > 0:
             return Verdict(WAIT, f"waits for the pod of {ref.kind} {ref.name}, its first consumer")
     return Verdict(PASS, "waits for its first consumer, and none of the given workloads is one")
 

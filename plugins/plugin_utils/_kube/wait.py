@@ -135,11 +135,6 @@ class _Wait:
         rest = [] if len(said) == len(waiting) and not verdict.suspect else [verdict.reason]
         return replace(verdict, reason="; ".join([*said[:3], *rest]))
 
-    def begun_at(self, now: float) -> float | None:
-        """When the next of those that run will have run for long enough."""
-        due = [since + BEGUN_SECONDS for since in self.up.values() if since + BEGUN_SECONDS > now]
-        return min(due, default=None)
-
     def starting(self) -> list[Object]:
         """The present pods of which only a probe knows why they are not ready."""
         if self.unlisted or self.lost:
@@ -174,9 +169,9 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
             if now >= say_at:
                 options.say(progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [say_at, wait.tracker.due(), wait.begun_at(now)]
+            ends = [say_at, wait.tracker.due(), now + BEGUN_SECONDS if wait.up else None]
             if wait.well is None:
-                ends += [max(wait.end(), wait.gone), wait.news.due(wait.starting(), now)]
+                ends += [max(wait.end(), wait.gone), wait.news.due if wait.starting() else None]
             else:  # what is only watched has no news to tell, and no end of its time
                 ends.append(wait.well + options.watched)
             for change in stream.changes(min(end for end in ends if end is not None) - now):

@@ -65,27 +65,31 @@ def read_dashboards(paths: Sequence[str], own: Mapping[str, str], base: str = ""
 
     `own` ones, by path, come first, so that a user's duplicate is the one that is named.
     """
-    texts, unread = dict(own), list[Problem]()
+    contents: dict[str, bytes] = {path: text.encode() for path, text in own.items()}
+    unread: list[Problem] = []
     for path in dict.fromkeys(Path(base).expanduser() / Path(one).expanduser() for one in paths):
         try:
-            texts[str(path)] = path.read_text("utf-8")
+            contents[str(path)] = path.read_bytes()
         except OSError as error:
             unread.append(Problem(str(path), str(error.strerror)))
-        except UnicodeDecodeError:
-            unread.append(Problem(str(path), "is no text in UTF-8"))
-    return checked(texts.items(), unread)[len(own) :]
+    return checked(contents.items(), unread)[len(own) :]
 
 
-def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) -> list[Dashboard]:
+def checked(files: Iterable[tuple[str, bytes]], unread: Sequence[Problem] = ()) -> list[Dashboard]:
     """The dashboards of (path, content), the collection's own first. Raises SpecError with every problem at once, those
     of files that could not be read, too."""
     problems = [*unread]
     good: dict[str, Dashboard] = {}
     for path, content in files:
-        found = list(_page_problems(path, content))
+        try:
+            page = json.loads(content)
+        except ValueError as error:
+            problems.append(Problem(path, f"is no JSON ({error})", "a dashboard as Grafana exports it"))
+            continue
+        found = list(_page_problems(path, page))
         problems += found
         if not found:
-            good[path] = _dashboard(_page(content))
+            good[path] = _dashboard(page)
     problems += _clashes(good)
     if problems:
         lines = "".join(f"\n  {problem.line()}" for problem in problems)
@@ -93,24 +97,9 @@ def checked(files: Iterable[tuple[str, str]], unread: Sequence[Problem] = ()) ->
     return list(good.values())
 
 
-def _page(content: str) -> Any:
-    return json.loads(content.removeprefix("\ufeff"))
-
-
-def _page_problems(path: str, content: str) -> Iterator[Problem]:
-    try:
-        page = _page(content)
-    except ValueError as error:
-        yield Problem(path, f"is no JSON ({error})", "a dashboard as Grafana exports it")
-        return
+def _page_problems(path: str, page: Any) -> Iterator[Problem]:
     if not isinstance(page, dict):
-        yield Problem(path, f"holds {shown(page)}", "one JSON object")
-        return
-    if "uid" not in page and isinstance(page.get("dashboard"), dict):
-        yield Problem(path, "is an answer of Grafana's API", "what is under its key `dashboard`")
-        return
-    if "apiVersion" in page and "kind" in page:
-        yield Problem(path, "is a Kubernetes object", "the dashboard alone, in Grafana's classic format")
+        yield Problem(path, f"holds {shown(page)}", "one JSON object, the dashboard in Grafana's classic format")
         return
     if page.get("__inputs"):
         # provisioning fills in no inputs, so every panel would ask a data source named "${DS_...}"
@@ -126,21 +115,14 @@ def _page_problems(path: str, content: str) -> Iterator[Problem]:
     title = page.get("title")
     if not isinstance(title, str) or not title.strip():
         yield Problem(f"{path}: title", "is missing" if title in (None, "") else f"is {shown(title)}", "a text")
-    if not isinstance(page.get("panels", []), list):
-        yield Problem(f"{path}: panels", f"is {shown(page['panels'])}", "a list")
 
 
 def _dashboard(page: Document) -> Dashboard:
     uid, title = str(page["uid"]), str(page["title"]).strip()
+    # which has to begin and end with a letter or digit
+    name = re.sub(r"[^a-z0-9]+", "-", uid.lower()).strip("-") or "dashboard"
     # An id is a row of the database that it was exported from; Grafana warns of it. Without spaces more of it fits.
-    text = json.dumps({**page, "id": None}, ensure_ascii=False, separators=(",", ":"))
-    return Dashboard(_object_name(uid), uid, title, text)
-
-
-def _object_name(uid: str) -> str:
-    """A uid as part of the name of a Kubernetes object, which has to begin and end with a letter or digit."""
-    name = re.sub(r"[^a-z0-9]+", "-", uid.lower()).strip("-")
-    return name or "dashboard"
+    return Dashboard(name, uid, title, json.dumps({**page, "id": None}, ensure_ascii=False, separators=(",", ":")))
 
 
 def _clashes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
@@ -149,13 +131,10 @@ def _clashes(good: Mapping[str, Dashboard]) -> Iterator[Problem]:
         size = len(f"{dashboard.name}.json") + len(dashboard.json.encode())
         if size > LARGEST:
             yield Problem(path, f"is {size} bytes without its spaces", f"{LARGEST}, all that a ConfigMap holds")
-    for path, uid, first in taken((path, one.uid) for path, one in good.items()):
-        yield Problem(f"{path}: uid", f"'{uid}' is the uid of {first}, too", "a uid of its own")
-    for path, name, first in taken((path, one.name) for path, one in good.items()):
-        uid = good[path].uid
-        if uid != good[first].uid:  # they differ in case or in signs that an object's name cannot have
-            problem = f"'{uid}' makes the object name {name}, which {first} has, too"
-            yield Problem(f"{path}: uid", problem, "a uid that differs in letters or digits")
+    # uids that differ in case or in signs alone make one name of an object, too
+    for path, _name, first in taken((path, one.name) for path, one in good.items()):
+        problem = f"'{good[path].uid}' is too much like '{good[first].uid}', the uid of {first}"
+        yield Problem(f"{path}: uid", problem, "a uid of its own, that differs in letters or digits")
     for path, _title, first in taken((path, one.title.lower()) for path, one in good.items()):
         problem = f"'{good[path].title}' is the title of {first}, too"
         yield Problem(f"{path}: title", problem, "a title of its own: they lie in one folder")

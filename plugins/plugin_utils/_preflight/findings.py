@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -23,7 +22,6 @@ MINIMUM_MTU = 1280  # IPv6 needs it
 LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
 # overlayfs cannot have these as its upper layer, and containerd's snapshots are overlays
 UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
-K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
 PORTS = {
     "server": "6443/tcp (API), 10250/tcp (kubelet), 8472/udp (flannel), with several servers 2379-2380/tcp (etcd)",
     "agent": "10250/tcp (kubelet, from the servers), 8472/udp (flannel, from all nodes)",
@@ -66,32 +64,6 @@ def look(role: str, others: Sequence[str]) -> Arguments:
     }
 
 
-@dataclass(frozen=True)
-class Requirements:
-    """What findings are measured by. A limit is `{minimum, recommended}`, of the clock `{recommended, maximum}`."""
-
-    role: str
-    node_name: str
-    k3s_version: str
-    interface: str
-    systems: Sequence[str]
-    memory_mb: Mapping[str, float]
-    disk_mb: Mapping[str, float]
-    disk_percent: Mapping[str, float]
-    clock_offset: Mapping[str, float]  # s
-    server_urls: Sequence[str]
-
-
-def requirements(part: Arguments, variables: Variables, others: Sequence[str]) -> Requirements:
-    """Of a host; `part` are role, node_name, k3s_version and interface, `others` the addresses of the other servers."""
-    return Requirements(
-        **{key: part[key] for key in ("role", "node_name", "k3s_version", "interface")},
-        **{key: variables[f"preflight_{key}"] for key in ("systems", "disk_mb", "disk_percent", "clock_offset")},
-        memory_mb=variables[f"preflight_{part['role']}_memory_mb"],
-        server_urls=[f"https://{server}:{API}" for server in others],
-    )
-
-
 # ---- what is wrong
 
 
@@ -116,9 +88,9 @@ def clock_offset(sent: float, began: float, ended: float, received: float) -> di
     return {"offset": round((low + high) / 2, 3), "uncertainty": round(abs(high - low) / 2, 3)}
 
 
-def findings(facts: Result, requirements: Requirements) -> list[Finding]:
+def findings(facts: Result, wanted: Variables) -> list[Finding]:
     """Everything that is wrong with one host by itself."""
-    return [finding for check in CHECKS for finding in check(facts, requirements)]
+    return [finding for check in CHECKS for finding in check(facts, wanted)]
 
 
 def fleet_findings(name: str, fleet: Mapping[str, Result]) -> Iterable[Finding]:
@@ -151,15 +123,15 @@ def route_mtu(facts: Result) -> int:
     return int(facts["routes"][0]["mtu"]) if facts["routes"] else 0
 
 
-def _platform(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+def _platform(facts: Result, wanted: Variables) -> Iterable[Finding]:
     system = facts["os"]
     if facts["machine"] not in MACHINES:
         what = f"there is no k3s for the architecture {facts['machine']}"
         yield error(what, "uname -m", f"use a host with one of {', '.join(sorted(MACHINES))}")
-    if system["id"] not in requirements.systems:
+    if system["id"] not in wanted["preflight_systems"]:
         what = f"{system['name'] or 'the operating system'} is none of the systems this was made for"
         add = f"add {system['id'] or 'its ID'} to preflight_systems once it has proved itself"
-        yield warning(what, "/etc/os-release", f"expected one of {', '.join(requirements.systems)}; {add}")
+        yield warning(what, "/etc/os-release", f"expected one of {', '.join(wanted['preflight_systems'])}; {add}")
     if not facts["systemd"]:
         yield error("systemd does not run as the init system", "/run/systemd/system", "k3s is run as a systemd unit")
     if not facts["root"]:
@@ -169,7 +141,7 @@ def _platform(facts: Result, requirements: Requirements) -> Iterable[Finding]:
         yield warning(what, "/proc/filesystems", "modprobe overlay; if that fails, install a kernel that has it")
 
 
-def _cgroups(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
+def _cgroups(facts: Result, _wanted: Variables) -> Iterable[Finding]:
     cgroup = facts["cgroup"]
     missing = [name for name in CONTROLLERS if name not in cgroup["controllers"]]
     if not missing:
@@ -178,13 +150,13 @@ def _cgroups(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     yield error(f"these cgroup controllers are off: {', '.join(missing)}", where, _cgroup_fix(facts, missing))
 
 
-def _cgroup_version(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+def _cgroup_version(facts: Result, wanted: Variables) -> Iterable[Finding]:
     """k3s 1.35 is the next upgrade of a robot that has 1.34, so it is said before."""
     if not facts["cgroup"]["refused"]:
         return
-    coming = version(requirements.k3s_version)
+    coming = version(wanted["k3s_version"])
     refused = coming is not None and coming.minor >= CGROUP_V2_FROM
-    which = requirements.k3s_version if refused else "from 1.35 on"
+    which = wanted["k3s_version"] if refused else "from 1.35 on"
     fix = "boot with systemd.unified_cgroup_hierarchy=1 on the kernel's command line, or allow v1: role k3s, README"
     yield (error if refused else warning)(
         f"it has cgroup v1, with which k3s {which} does not start", "/sys/fs/cgroup", fix
@@ -205,8 +177,9 @@ def _cgroup_fix(facts: Result, missing: list[str]) -> str:
     return f"boot a kernel that has the controllers {', '.join(missing)}"
 
 
-def _memory(facts: Result, requirements: Requirements) -> Iterable[Finding]:
-    limits, has, role = requirements.memory_mb, facts["memory_mb"], requirements.role
+def _memory(facts: Result, wanted: Variables) -> Iterable[Finding]:
+    has, role = facts["memory_mb"], wanted["role"]
+    limits = wanted[f"preflight_{role}_memory_mb"]
     if has < limits["minimum"]:
         fix = "use a host with more memory" + (", or robot_mode: agent" if role == "server" else "")
         yield error(f"{has} MiB of memory, a k3s {role} needs {limits['minimum']}", "/proc/meminfo", fix)
@@ -215,8 +188,8 @@ def _memory(facts: Result, requirements: Requirements) -> Iterable[Finding]:
         yield warning(what, "/proc/meminfo", "keep the apps' requests small")
 
 
-def _disk(facts: Result, requirements: Requirements) -> Iterable[Finding]:
-    disk, limits, percents = facts["disk"], requirements.disk_mb, requirements.disk_percent
+def _disk(facts: Result, wanted: Variables) -> Iterable[Finding]:
+    disk, limits, percents = facts["disk"], wanted["preflight_disk_mb"], wanted["preflight_disk_percent"]
     free, path, fix = disk["free_mb"], disk["path"], "free space, or mount a larger file system there"
     percent = 100 * free / max(disk["total_mb"], 1)
     has = f"{free} MiB free for {path}"
@@ -240,9 +213,9 @@ def _disk(facts: Result, requirements: Requirements) -> Iterable[Finding]:
         yield error(what, path, "mount an ext4, xfs or btrfs file system there")
 
 
-def _clock(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+def _clock(facts: Result, wanted: Variables) -> Iterable[Finding]:
     """Only what is beyond the measurement's own uncertainty counts."""
-    clock, limits = facts["clock"], requirements.clock_offset
+    clock, limits = facts["clock"], wanted["preflight_clock_offset"]
     certain = abs(clock["offset"]) - clock["uncertainty"]
     if certain <= limits["recommended"]:
         return
@@ -252,7 +225,7 @@ def _clock(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     yield (error if certain > limits["maximum"] else warning)(what, "clock", fix)
 
 
-def _network(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
+def _network(facts: Result, _wanted: Variables) -> Iterable[Finding]:
     if not facts["routes"]:
         fix = "add one, be it to a dummy interface: ip route add default via GATEWAY"
         yield error("there is no default route, without which k3s does not start", "/proc/net/route", fix)
@@ -261,10 +234,10 @@ def _network(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
         yield error(f"{what}, at least {MINIMUM_MTU} are needed", where, "raise it: ip link set dev INTERFACE mtu SIZE")
 
 
-def _pods_network(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+def _pods_network(facts: Result, wanted: Variables) -> Iterable[Finding]:
     """What may keep the host's pods from those of others, though its Node is Ready. Warnings only: what a firewall lets
     through is not seen from here."""
-    network, role = facts["network"], requirements.role
+    network, role = facts["network"], wanted["role"]
     for firewall in network["firewalls"]:
         what = f"{firewall} is on; a k3s {role} needs {PORTS[role]}, and its pods and services {NETWORKS}"
         yield warning(what, "/etc/ufw/ufw.conf" if firewall == "ufw" else "/proc", ALLOW[firewall])
@@ -278,25 +251,25 @@ def _pods_network(facts: Result, requirements: Requirements) -> Iterable[Finding
         fix += ", or k3s_config: {flannel-backend: host-gw} on the servers" if module == "vxlan" else ""
         yield warning(f"the kernel has no module {module}: {WITHOUT[module]}", f"/lib/modules/{facts['kernel']}", fix)
     interfaces = list(dict.fromkeys(route["interface"] for route in facts["routes"] if route["family"] == 4))
-    if len(interfaces) > 1 and not requirements.interface:
+    if len(interfaces) > 1 and not wanted["interface"]:
         by = f"pods go by {interfaces[0]}, or by another one when k3s starts while that is down"
         what = f"there are default routes by {' and '.join(interfaces)}: {by}"
         fix = "say by which one the robot reaches the others: k3s_config: {flannel-iface: NAME}, and k3s_node_ip"
         yield warning(what, "/proc/net/route", fix)
 
 
-def _ports(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
+def _ports(facts: Result, _wanted: Variables) -> Iterable[Finding]:
     ours = bool(facts["k3s"]["units"])
     for listener in facts["listening"]:
         # A socket without a process is the kernel's (VXLAN), which k3s leaves behind while it is installed.
-        if listener["k3s"] or K3S_PROCESS.match(listener["process"]) or (ours and not listener["process"]):
+        if listener["k3s"] or (ours and not listener["process"]):
             continue
         port, by = f"{listener['port']}/{listener['protocol']}", listener["process"] or "an unnamed process"
         fix = "stop that service, or move it to another port"
         yield error(f"port {port} is taken by {by}", f"/proc/net/{listener['protocol']}", fix)
 
 
-def _reachable(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
+def _reachable(facts: Result, _wanted: Variables) -> Iterable[Finding]:
     """A node that has joined runs on without its server, so it is not stopped for that; a new one cannot join."""
     joined = facts["k3s"]["agent_data"]
     for target in facts["reach"]:
@@ -307,20 +280,20 @@ def _reachable(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
         yield (warning if joined else error)(what, "TCP connection", fix)
 
 
-def _name(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+def _name(facts: Result, wanted: Variables) -> Iterable[Finding]:
     name = facts["hostname"]
     if not all(LABEL.match(part) for part in name.split(".")) or len(name) > 253:
         fix = "use lower-case letters, digits and hyphens: hostnamectl set-hostname NAME"
         yield error(f"the host name {name!r} is not valid in Kubernetes", "uname -n", fix)
     elif name in ("localhost", "localhost.localdomain"):
         yield error("the host is named localhost", "uname -n", "hostnamectl set-hostname NAME")
-    if requirements.node_name and not LABEL.match(requirements.node_name):
-        what = f"the node name {requirements.node_name!r} is not valid in Kubernetes"
+    if wanted["node_name"] and not LABEL.match(wanted["node_name"]):
+        what = f"the node name {wanted['node_name']!r} is not valid in Kubernetes"
         yield error(what, "inventory", "use lower-case letters, digits and hyphens, at most 63")
 
 
-def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
-    old, role = facts["k3s"], requirements.role
+def _leftovers(facts: Result, wanted: Variables) -> Iterable[Finding]:
+    old, role = facts["k3s"], wanted["role"]
     other = "k3s-agent.service" if role == "server" else "k3s.service"
     reset = "run the playbook reset.yml for this host"
     if other in old["units"]:
@@ -331,7 +304,7 @@ def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
         what = "the host holds a k3s server's datastore without its configuration"
         fix = f"restore /etc/rancher/k3s with its token, or {reset}"
         yield error(what, "/var/lib/rancher/k3s/server/db", fix)
-    urls = requirements.server_urls
+    urls = [f"https://{server}:{API}" for server in wanted["others"]]
     if urls and old["server_url"] and old["server_url"] not in urls:
         what = f"the host belongs to the cluster of {old['server_url']}, not to that of {', '.join(urls)}"
         yield (error if old["agent_data"] else warning)(what, "/etc/rancher/k3s/config.yaml", reset)
@@ -343,15 +316,19 @@ def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
         yield warning(what, "/etc/rancher/node/password", fix)
 
 
-CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (
+CHECKS: tuple[Callable[[Result, Variables], Iterable[Finding]], ...] = (
     _platform, _cgroups, _cgroup_version, _memory, _disk, _clock, _network, _pods_network, _ports, _reachable, _name,
     _leftovers,
 )  # fmt: skip
 
 
-def judge(fleet: Mapping[str, Result], host: str, requirements: Requirements) -> list[Finding]:
-    """What is wrong with one of these hosts, the errors first. `fleet` is host -> its facts."""
-    found = [*findings(fleet[host], requirements), *fleet_findings(host, fleet)]
+def judge(fleet: Mapping[str, Result], host: str, wanted: Variables) -> list[Finding]:
+    """What is wrong with one of these hosts, the errors first. `fleet` is host -> its facts.
+
+    `wanted` are the role's variables, role, node_name, k3s_version and interface of the host, and the addresses of the
+    `others`, the cluster's other servers.
+    """
+    found = [*findings(fleet[host], wanted), *fleet_findings(host, fleet)]
     return sorted(found, key=lambda finding: finding.severity != ERROR)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import RESOURCES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.admission import admission_objects
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
 from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
@@ -178,7 +178,7 @@ def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(
     for name in ("robot1", "robot2"):
         runs(server, name, "x.example/talker:1")
     for item in admission_objects():  # as `awx_access` leaves them
-        server.put(f"{RESOURCES[item['kind']].path()}/{item['metadata']['name']}", item)
+        server.put(Ref(item["kind"], item["metadata"]["name"]).path, item)
     (control.folder / "k3s.yaml").unlink()
     credential = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "very-secret", "K8S_AUTH_VERIFY_SSL": "False"}
     ended = launch("update", credential=credential).finish()

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.action import _controller_access
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import OF_CLUSTER, RESOURCES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import OF_CLUSTER, PLACES
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import CONTROLLER, keeper_access
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import allows, run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -52,8 +52,8 @@ def test_it_may_what_it_gives_the_keepers() -> None:
 
 def test_it_may_see_what_is_the_cluster_s() -> None:
     """Else no run with it could tell whether that is as it should be."""
-    for kind in OF_CLUSTER:
-        assert allows("get", RESOURCES[kind].base.split("/")[2], RESOURCES[kind].plural)
+    for base, plural in (PLACES[kind] for kind in OF_CLUSTER):
+        assert allows("get", base.split("/")[2], plural)
 
 
 @pytest.mark.parametrize(

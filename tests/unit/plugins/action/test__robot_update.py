@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
@@ -217,7 +216,7 @@ def test_images_of_all_edge_hosts_are_known_from_one(
 
     def bring(_node: Any, *asked: Any) -> Any:
         brought_there.append([asked[0], [*asked[1]], *asked[2:]])
-        return SimpleNamespace(problems=["b:1 is nowhere"])
+        return {"failed": True, "msg": "b:1 is nowhere"}
 
     monkeypatch.setattr(_robot_update, "Engine", Engine)
     monkeypatch.setattr(_robot_update.NodeImages, "bring", bring)

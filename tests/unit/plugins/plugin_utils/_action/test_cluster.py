@@ -20,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.action import (
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import prefix
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
@@ -219,7 +220,7 @@ def test_access_is_fetched_from_the_clusters_own_server_and_the_environment_adds
         assert result["apis"] == {"edge": {"host": server.url, "source": "the cluster's own server"}}
     assert servers == ["edge1"]
     assert {headers["authorization"] for _path, _query, headers in list(server.requests.queue)} == {"Bearer t"}
-    assert (local_tmp / "rosops-fleet-edge.yaml").stat().st_mode & 0o777 == 0o600
+    assert (local_tmp / f"{prefix()}edge.yaml").stat().st_mode & 0o777 == 0o600
 
 
 def test_a_standalone_robot_is_reached_by_its_own_access_whatever_the_environment_says(

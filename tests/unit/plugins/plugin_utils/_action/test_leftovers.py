@@ -3,151 +3,89 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-import multiprocessing
 import os
-import signal
-from collections.abc import Callable, Iterator
-from multiprocessing.connection import Connection, wait
+import subprocess
+import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import leftovers
+from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import Fetch
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import OWNER, USED, has_ended, sweep
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import RUN, prefix, sweep
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 
 HOME = Home(ClusterPart("server", "edge", ("edge1",), True, "edge1"), "production")
 ADMIN = "clusters: [{cluster: {server: 'https://x:6443'}}]\nusers: [{user: {token: t}}]\n"
-OWN = ["rosops-fleet-edge.lock", "rosops-fleet-edge.yaml", OWNER, USED]
-FORKED = multiprocessing.get_context("fork")
-
-
-def run_of(directory: Path) -> None:
-    directory.mkdir(0o700, exist_ok=True)
-    Fetch(directory, lambda _server: ADMIN, lambda *_: True).way(HOME, {"edge1": {}}, {})
-
-
-def worker(directory: Path, ready: Connection) -> None:
-    run_of(directory)
-    ready.send(os.getpid())
-    signal.pause()
-
-
-def playbook(directory: Path, ready: Connection) -> None:
-    """A run: it fetches its access in a worker, as tasks do, and goes on."""
-    os.setsid()
-    FORKED.Process(target=worker, args=(directory, ready)).start()
-    signal.pause()
-
-
-Start = Callable[[Path], tuple[int, int]]
+OWN = [f"{prefix()}edge.lock", f"{prefix()}edge.yaml"]
 
 
 @pytest.fixture
-def start() -> Iterator[Start]:
-    """Starts a run; its process, and its worker's."""
-    runs: list[Any] = []
-
-    def begin(directory: Path) -> tuple[int, int]:
-        mine, its = FORKED.Pipe()
-        runs.append(FORKED.Process(target=playbook, args=(directory, its)))
-        runs[-1].start()
-        assert mine.poll(30)
-        return runs[-1].pid, mine.recv()
-
-    yield begin
-    for run in runs:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(run.pid, signal.SIGKILL)
-        run.join()
+def run() -> Iterator[subprocess.Popen[bytes]]:
+    with subprocess.Popen(["/bin/sleep", "60"]) as process:
+        yield process
+        process.kill()
 
 
-def wait_for_the_end(process: int) -> None:
-    """Of one that this process is no parent of; its locks are gone then."""
-    with contextlib.suppress(ProcessLookupError):
-        assert wait([os.pidfd_open(process)], 30)
+def run_of(process: int, root: Path) -> Path:
+    """The directory of the run of this process, which has fetched its access."""
+    directory = root / f"ansible-local-{process}a1b2c3d_"
+    directory.mkdir(0o700, exist_ok=True)
+    Fetch(directory, lambda _server: ADMIN, lambda *_: True).way(HOME, {"edge1": {}}, {})
+    return directory
 
 
 def names(directory: Path) -> list[str]:
     return sorted(path.name for path in directory.iterdir())
 
 
-def test_the_next_run_clears_what_a_killed_one_left(tmp_path: Path, start: Start) -> None:
-    killed, now = tmp_path / "ansible-local-1a", tmp_path / "ansible-local-2b"
-    process, own = start(killed)
+def test_a_directory_is_named_after_the_process_of_its_run() -> None:
+    found = RUN.fullmatch(Path(C.DEFAULT_LOCAL_TMP).name)
+    assert found and int(found[1]) > 1
+
+
+def test_the_next_run_clears_what_a_killed_one_left(tmp_path: Path, run: subprocess.Popen[bytes]) -> None:
+    killed = run_of(run.pid, tmp_path)
     (killed / "ansibles-own").write_text("a")
-    (killed / ".rosops-fleet-edge.yaml.x1").write_text("half of a kubeconfig")
-    run_of(now)
+    (killed / f".{prefix()}edge.yaml.x1").write_text("half of a kubeconfig")
+    now = run_of(os.getpid(), tmp_path)
     assert set(OWN) < set(names(killed))  # it is at work
-    os.killpg(process, signal.SIGKILL)
-    wait_for_the_end(process)
-    wait_for_the_end(own)
-    (now / "rosops-fleet-edge.yaml").unlink()
-    run_of(now)
+    run.kill()
+    run.wait()
+    (now / f"{prefix()}edge.yaml").unlink()
+    run_of(os.getpid(), tmp_path)
     assert names(killed) == ["ansibles-own"]
     assert names(now) == OWN
 
 
-def test_a_task_that_outlives_its_run_keeps_its_access(tmp_path: Path, start: Start) -> None:
-    """SIGKILL ends ansible-playbook alone; its workers let go of robots first, by that access."""
-    killed = tmp_path / "ansible-local-1a"
-    process, own = start(killed)
-    os.kill(process, signal.SIGKILL)
-    wait_for_the_end(process)
-    assert sweep(tmp_path / "ansible-local-2b") == []
-    assert names(killed) == OWN
-    os.kill(own, signal.SIGKILL)
-    wait_for_the_end(own)
-    assert sweep(tmp_path / "ansible-local-2b") == [str(killed / name) for name in (*sorted({*OWN} - {OWNER}), OWNER)]
-    assert names(killed) == []
+def test_a_number_that_was_given_out_again_is_another_process(tmp_path: Path, run: subprocess.Popen[bytes]) -> None:
+    left = run_of(run.pid, tmp_path)
+    os.utime(left, (time.time() - 3600,) * 2)
+    assert sweep(tmp_path / "ansible-local-me") == [str(left / name) for name in OWN]
 
 
-DEAD = {**leftovers.owner_at_work(), "started": "0"}
+DEAD = 2**22 + 1  # beyond the largest number that the kernel gives
 
 
-@pytest.mark.parametrize(
-    ("change", "ended"),
-    [
-        ({}, True),
-        ({"boot": "before"}, True),
-        ({"boot": "before", "processes": "pid:[1]"}, True),
-        ({"processes": "pid:[1]"}, False),  # a container's: which of its processes live is not seen from here
-        ({"machine": "another"}, False),  # with the same home directory
-        ({"machine": "another", "boot": "before"}, False),
-        ({"started": leftovers.owner_at_work()["started"]}, False),
-        ({"process": 2**22 + 1}, True),
-        ({"more": "of a later release"}, False),
-    ],
-)
-def test_a_run_has_ended_only_where_that_is_certain(change: dict[str, Any], ended: bool) -> None:
-    assert has_ended({**DEAD, **change}) is ended
-    assert not has_ended({})
-
-
-def left(directory: Path, owner: Any = DEAD) -> Path:
-    directory.mkdir(mode=0o700)
-    for name in (USED, "rosops-fleet-edge.yaml"):
-        (directory / name).write_text("x")
-    (directory / OWNER).write_text(json.dumps(owner))
+def left(directory: Path, start: str = prefix()) -> Path:
+    directory.mkdir(0o700)
+    for name in OWN:
+        (directory / name.replace(prefix(), start)).write_text("x")
     return directory
 
 
 def test_no_link_is_followed_and_nothing_of_others_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    outside = left(tmp_path / "outside")
-    (tmp_path / "ansible-local-link").symlink_to(outside)
-    strange = left(tmp_path / "ansible-local-strange", owner=["no", "owner"])
-    nobody = left(tmp_path / "ansible-local-nobody")
-    (nobody / OWNER).unlink()
-    shared = left(tmp_path / "ansible-local-shared")  # anybody may have put a link into it
-    shared.chmod(0o770)
-    before = [names(place) for place in (outside, strange, nobody, shared)]
+    outside, unnamed = left(tmp_path / "outside"), left(tmp_path / "ansible-local-1a")
+    (tmp_path / f"ansible-local-{DEAD}linklink").symlink_to(outside)
+    shared = left(tmp_path / f"ansible-local-{DEAD}shared__")
+    shared.chmod(0o770)  # anybody may have put a link into it
+    # of a container, or of another machine with the same home directory
+    away = left(tmp_path / f"ansible-local-{DEAD}away____", "rosops-fleet-0123456789ab-")
+    before = [names(place) for place in (outside, unnamed, shared, away)]
     assert sweep(tmp_path / "ansible-local-me") == []
-    assert [names(place) for place in (outside, strange, nobody, shared)] == before
-    theirs = left(tmp_path / "ansible-local-theirs")
+    assert [names(place) for place in (outside, unnamed, shared, away)] == before
+    theirs = left(tmp_path / f"ansible-local-{DEAD}theirs__")
     monkeypatch.setattr(os, "getuid", lambda: 12345)
     assert sweep(tmp_path / "ansible-local-me") == []
-    assert names(theirs) == before[0]
+    assert names(theirs) == OWN

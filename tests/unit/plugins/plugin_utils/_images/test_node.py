@@ -20,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
     LOOK,
     PIN,
     PLACE,
-    Brought,
     ImagesError,
     NodeImages,
     Present,
@@ -126,11 +125,11 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     node, said = Node(), list[str]()
     images = NodeImages(node, rate_limit="2m", say=said.append)
     brought = images.bring([archive], ["redis:7"])
-    pinned = {APPS: "wanted", REDIS: "wanted"}
-    assert brought == Brought(
-        (archive["path"],), (REDIS,), (), {}, {APPS: ID, REDIS: "sha256:pulled"}, {**node.images}, pinned
-    )
-    assert brought.changed
+    after = f"{APPS} {ID}\n{REDIS} sha256:pulled\n"
+    assert brought == {
+        "changed": True, "imported": [archive["path"]], "pulled": [REDIS], "present": node.images,
+        "diff": {"before": "", "after": after},
+    }  # fmt: skip
     assert node.calls == [
         "look", "copy apps.tar 2m", f"ctr --namespace k8s.io images import {PLACE}", f"absent {PLACE}",
         "crictl pull docker.io/library/redis:7", "look", f"pin wanted {APPS} wanted {REDIS}",
@@ -139,12 +138,12 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     assert [text.split()[0] for text in said] == ["copying", "importing", "pulling"]
     node.calls.clear()
     again = images.bring([archive], ["redis:7"])
-    assert (again.changed, again.before, node.calls) == (False, again.after, ["look"])
+    assert (again["changed"], again["diff"], node.calls) == (False, {"before": after, "after": after}, ["look"])
 
 
 def test_nothing_wanted_costs_nothing() -> None:
     node = Node()
-    assert NodeImages(node).bring([], []) == Brought()
+    assert NodeImages(node).bring([], [])["changed"] is False
     assert node.calls == []
 
 
@@ -153,14 +152,17 @@ def test_check_mode_looks_and_says_what_would_be_there(archive: dict[str, str]) 
     node.images[normal_ref("redis:7")] = "sha256:old"
     brought = NodeImages(node).bring([archive], ["redis:7", "lab/new:1"], check=True)
     assert node.calls == ["look"]
-    assert (brought.imported, brought.pulled, brought.problems) == ((archive["path"],), ("docker.io/lab/new:1",), ())
-    assert brought.before == {REDIS: "sha256:old"}
-    assert brought.after == {APPS: ID, REDIS: "sha256:old", "docker.io/lab/new:1": ""}
+    assert (brought["imported"], brought["pulled"]) == ([archive["path"]], ["docker.io/lab/new:1"])
+    assert "failed" not in brought
+    assert brought["diff"] == {
+        "before": f"{REDIS} sha256:old\n",
+        "after": f"{APPS} {ID}\ndocker.io/lab/new:1 as the registry has it\n{REDIS} sha256:old\n",
+    }
 
 
 def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(archive: dict[str, str]) -> None:
     images = NodeImages(Node(k3s=False))
-    assert images.bring([archive], [], check=True).imported == (archive["path"],)
+    assert images.bring([archive], [], check=True)["imported"] == [archive["path"]]
     with pytest.raises(ImagesError, match="cannot be listed: k3s: not found"):
         images.bring([archive], [])
 
@@ -206,7 +208,7 @@ def test_one_archive_at_a_time_lies_on_the_node_also_two_of_one_name(
         (tmp_path / name).mkdir()
         docker(tmp_path / name / "apps.tar", [f"lab/{name}:1.0"])
     node = Node()
-    assert NodeImages(node).bring([{"path": f"~/{name}/apps.tar"} for name in ("old", "new")], []).problems == ()
+    assert "failed" not in NodeImages(node).bring([{"path": f"~/{name}/apps.tar"} for name in ("old", "new")], [])
     assert {"docker.io/lab/old:1.0", "docker.io/lab/new:1.0"} == {*node.images}
     assert [call.split()[0] for call in node.calls] == [
         "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look", "pin",
@@ -216,9 +218,9 @@ def test_one_archive_at_a_time_lies_on_the_node_also_two_of_one_name(
 def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> None:
     node = Node()
     node.imports = False
-    assert NodeImages(node).bring([archive], []).problems == (f"{APPS} is not there",)
+    assert NodeImages(node).bring([archive], [])["msg"] == f"{APPS} is not there"
     node.images[APPS] = "sha256:other"
-    assert NodeImages(node).bring([archive], []).problems == (f"{APPS} has the ID sha256:other, not {ID}",)
+    assert NodeImages(node).bring([archive], [])["msg"] == f"{APPS} has the ID sha256:other, not {ID}"
 
 
 # --- a next version --------------------------------------------------------------------------------------------------
@@ -236,13 +238,13 @@ def test_of_a_next_version_only_what_is_new_crosses_the_link(tmp_path: Path) -> 
     (first, second), node, said = versions(tmp_path), Node(), list[str]()
     images = NodeImages(node, rate_limit="2m", say=said.append)
     images.bring(first, [])
-    assert images.bring(second, []).problems == ()
+    assert "failed" not in images.bring(second, [])
     copies = [call for call in node.calls if call.startswith("copy")]
     assert copies == ["copy apps-1.tar 2m", "copy thin.tar 2m"]
     assert "copying 0.0 MB of 0.1 MB: " in said[2]
     assert {*node.images} == {"docker.io/lab/apps:1", "docker.io/lab/apps:2"}
     assert node.labels == {"docker.io/lab/apps:1": "before", "docker.io/lab/apps:2": "wanted"}
-    assert images.bring(second, []).changed is False
+    assert images.bring(second, [])["changed"] is False
 
 
 def test_a_layer_that_has_gone_meanwhile_is_brought_with_the_whole_archive(tmp_path: Path) -> None:
@@ -250,7 +252,7 @@ def test_a_layer_that_has_gone_meanwhile_is_brought_with_the_whole_archive(tmp_p
     images = NodeImages(node)
     images.bring(first, [])
     node.forgets = True
-    assert images.bring(second, []).problems == ()
+    assert "failed" not in images.bring(second, [])
     assert [call for call in node.calls if call.startswith("copy")][1:] == ["copy thin.tar", "copy apps-2.tar"]
     assert BASE_DIGEST in node.blobs
 
@@ -267,7 +269,7 @@ def test_what_a_node_does_not_import_in_parts_is_brought_whole(tmp_path: Path) -
         return {"failed": True} if argv[-2] == "import" and "thin" in "".join(node.calls[-2:]) else found
 
     node.command = broken_once  # type: ignore[method-assign]
-    assert images.bring(second, []).problems == ()
+    assert "failed" not in images.bring(second, [])
     assert [call for call in node.calls if call.startswith("copy")] == ["copy thin.tar", "copy apps-2.tar"]
 
 
@@ -295,7 +297,7 @@ def credentials(word: str = "hunter2") -> dict[str, str]:
 def test_credentials_reach_crictl_and_no_command_line(private: Node) -> None:
     logins = [credentials("stale"), credentials(), credentials("older")]
     brought = NodeImages(private, logins=logins).bring([], ["r.example/app:1", "redis:7"])
-    assert set(brought.pulled) == {"r.example/app:1", REDIS}
+    assert set(brought["pulled"]) == {"r.example/app:1", REDIS}
     said = " ".join(private.calls) + Path(f"{private.program}.seen").read_text()
     assert "crictl pull r.example/app:1" in said
     assert not [secret for secret in ("hunter2", b64encode(b"me:hunter2").decode()) if secret in said]

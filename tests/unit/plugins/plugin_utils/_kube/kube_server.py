@@ -15,10 +15,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlparse
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import RESOURCES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import PLACES
 
-PLURALS = {resource.plural for resource in RESOURCES.values()}
-GROUPS = {resource.base for resource in RESOURCES.values()}
+PLURALS = {plural for _base, plural in PLACES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
 SERVICE_ADDRESS = "127.0.0.200"  # nothing listens there, which is known at once; which a Service gets that names none
 
@@ -50,7 +49,6 @@ class Server(ThreadingHTTPServer):
         self.refusals: list[tuple[int, str]] = []  # answers for the next requests, first come first served
         self.write_refusals: list[tuple[int, str]] = []  # the same for what is no GET
         self.refuse: Callable[[str], int] = lambda _path: 0
-        self.unknown: tuple[str, ...] = ()  # kinds, by their plurals, that an older API does not know
         self.requests: queue.Queue[tuple[str, dict[str, str], dict[str, str]]] = queue.Queue()
         self._events: dict[str, queue.Queue[Any]] = {}
         self._lock = threading.Lock()
@@ -170,9 +168,6 @@ class _Handler(BaseHTTPRequestHandler):
         elif url.path in self.server.lists or url.path.rpartition("/")[2] in PLURALS:
             items = self.server.lists.get(url.path, [])
             self._send(200, {"metadata": {"resourceVersion": str(self.server.version)}, "items": items})
-        elif url.path in GROUPS:
-            known = (one.plural for one in RESOURCES.values() if one.base == url.path)
-            self._send(200, {"resources": [{"name": name} for name in known if name not in self.server.unknown]})
         elif self.server.find(url.path):
             self._send(200, self.server.find(url.path))
         else:

@@ -190,13 +190,12 @@ def test_who_may_not_write_it_is_told_who_may(server: Server, kube: Kube, reads:
     assert not server.lists.get(POLICIES)
 
 
-def test_an_older_api_goes_without_and_that_is_said_once(server: Server, kube: Kube, said: list[str]) -> None:
-    server.unknown = ("validatingadmissionpolicies",)
-    for dry_run in (True, False):
-        assert [one.changed for one in kube.apply([POLICY, NAMESPACE], dry_run)] == [False, True]
-    assert server.writes == [f"PATCH {NAMESPACES}/robot-robot1"] * 2
-    (text,) = said
-    assert "older than 1.30 and knows no ValidatingAdmissionPolicy" in text
+@pytest.mark.parametrize("dry_run", [True, False])
+def test_an_api_that_is_too_old_for_it_is_told_what_is_the_oldest(server: Server, kube: Kube, dry_run: bool) -> None:
+    server.write_refusals.append((404, "page not found"))
+    with pytest.raises(ApiError, match=rf"PATCH {POLICIES}/keepers: page not found\. Is that .* API, 1\.30 or newer"):
+        kube.apply([POLICY, NAMESPACE], dry_run)
+    assert len(server.writes) == 1
 
 
 PAUSED = {"manager": "kubectl-rollout", "operation": "Update", "fieldsV1": {"f:spec": {"f:paused": {}}}}

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from, forget_key_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
+    first_line,
     is_foreign,
-    is_made_from,
     keep,
     local_kubeconfig,
     url_at,
@@ -80,7 +81,7 @@ def test_of_a_hostile_one_nothing_but_authority_and_credentials_is_taken(tmp_pat
     assert (configuration.host, configuration.verify_ssl) == ("https://10.0.0.1:6444", True)
     assert (configuration.proxy, configuration.username, configuration.api_key) == (None, None, {})
     assert Path(configuration.key_file).read_text() == "KEY"
-    forget_key_files()
+    Kube(access).close()
 
 
 @pytest.mark.parametrize("user", [
@@ -130,9 +131,7 @@ def test_it_is_kept_for_its_owner_only_and_written_once(tmp_path: Path) -> None:
     assert [keep(str(path), "# head\na: 1\n") for _run in range(2)] == [True, False]
     assert [place.stat().st_mode & 0o777 for place in (path.parent, path)] == [0o700, 0o600]
     assert [entry.name for entry in path.parent.iterdir()] == ["edge.yaml"]
-    assert is_made_from(str(path), "# head")
-    assert not is_made_from(str(path), "# hea")
-    assert not is_made_from(str(tmp_path / "none"), "# head")
+    assert (first_line(str(path)), first_line(str(tmp_path / "none"))) == ("# head", "")
     assert is_foreign(str(path)) and not is_foreign(str(tmp_path / "none"))
     path.chmod(0o644)
     assert keep(str(path), "# head\na: 1\n")
