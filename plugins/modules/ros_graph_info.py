@@ -179,7 +179,6 @@ from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.backend import around, everything
-from ..module_utils._ros.bus_stats import rates as counted
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.graph import Graph, Rate, host_of
 from ..module_utils._ros.graph_json import graph_data
@@ -227,8 +226,6 @@ def rates(ros: Ros1Client, heard: Graph, params: Data) -> dict[str, Rate]:
     """The rates of what is wanted of the publishers that are heard, by topic."""
     named = heard.topics if params["rate_topics"] is None else params["rate_topics"]
     wanted, seconds = [name for name in named if name in heard.topics], float(params["rate_seconds"])
-    if params["rate_source"] == "counters":
-        return counted(ros, heard, wanted, seconds)
     return ros.rates(heard, dict.fromkeys(wanted, seconds), patient=True)
 
 

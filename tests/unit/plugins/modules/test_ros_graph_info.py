@@ -129,17 +129,6 @@ def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(run: Run) -> N
     assert not any(unheard[name]["rates"] for name in alone)
 
 
-def test_rates_by_counters_subscribe_to_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FakeMaster, "rates", None)
-    monkeypatch.setattr(ros_graph_info, "counted", lambda _ros, _graph, topics, seconds: {
-        "/chatter": Rate(100.0, int(100 * seconds), seconds),
-        "/rosout": Rate(0.5, 1, seconds, few=True),
-    } if "/chatter" in topics else {})  # fmt: skip
-    topics = run(rates=True, rate_source="counters")["graph"]["topics"]
-    assert (topics["/chatter"]["rate"], topics["/chatter"]["rates"]) == (100.0, {})
-    assert (topics["/rosout"]["rate"], topics["/rosout"]["rate_error"]) == (None, "1 message in 2.0 s")
-
-
 def test_md5sums_and_definitions(run: Run) -> None:
     topics = run(md5sums=True)["graph"]["topics"]
     assert {topic["md5sum"] for topic in topics.values()} == {"99"}
