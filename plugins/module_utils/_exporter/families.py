@@ -23,8 +23,6 @@ CONTENT_TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 MOST = 20_000  # samples of a scrape
 LEFT_OUT = "ros_exporter_series_left_out"
 NAMES = frozenset({"node", "topic", "service", "action"})  # labels with names of the graph
-# of several nodes that share a name; other numbers are added up
-SMALLEST = ("ros_node_up", "ros_service_up", "ros_launch_process_up")
 
 _ANONYMOUS = re.compile(ANONYMOUS + r"(?=/|\Z)")
 
@@ -106,59 +104,27 @@ def claim_families(used: Mapping[str, int], capacity: Mapping[str, int]) -> list
 
 
 def bounded(families: Iterable[Family], most: int = MOST) -> list[Family]:
-    """The families with anonymous nodes under one name, and no more than so many samples; how many are left out.
+    """The families without anonymous nodes, and no more than so many samples: the largest are left out, as a whole.
 
-    Where there are too many, the largest families are cut: the same samples as long as the graph stays as it is.
+    How many samples that are has a family of its own.
     """
-    folded = [_folded(one) for one in families]
-    sizes = [len(one.samples) for one in folded]
-    room = _room(sizes, most)
-    kept = [one if len(one.samples) <= room else _cut(one, room) for one in folded]
-    left_out = sum(max(0, size - room) for size in sizes)
-    about = "Samples left out because there are more than the exporter shows"
+    lasting = (one._replace(samples=[it for it in one.samples if not _is_passing(it[0])]) for one in families)
+    kept: list[Family] = []
+    room, left_out = most, 0
+    for one in sorted(lasting, key=lambda it: len(it.samples)):
+        size = len(one.samples)
+        if size <= room:
+            kept.append(one)
+            room -= size
+        else:
+            left_out += size
+    about = "Samples of metrics that are left out, as there are more than the exporter shows"
     return [*kept, family(LEFT_OUT, about, "", {(): left_out})]
 
 
-def stable(name: str) -> str:
-    """A name without what makes it another one in each process.
-
-    >>> stable("/rostopic_4711_1700000000000/debug")
-    '/rostopic_*/debug'
-    """
-    return _ANONYMOUS.sub("_*", name)
-
-
-def _folded(whole: Family) -> Family:
-    """Series of anonymous nodes as one; none of a counter, which begins anew with each of them."""
-    plain: list[Sample] = []
-    shared: dict[tuple[tuple[str, str], ...], list[float]] = {}
-    for labels, value in whole.samples:
-        found = {key: stable(word) if key in NAMES else word for key, word in labels.items()}
-        if found == labels:
-            plain.append((labels, value))
-        elif whole.kind != COUNTER:
-            shared.setdefault(tuple(found.items()), []).append(value)
-    if len(plain) == len(whole.samples):
-        return whole
-    merge = min if whole.name in SMALLEST else sum
-    together = ((dict(labels), float(merge(values))) for labels, values in shared.items())
-    return whole._replace(samples=[*plain, *together])
-
-
-def _room(sizes: Iterable[int], most: int) -> int:
-    """How many samples each family may have, so that all of them together have no more than `most`."""
-    left, room = most, 0
-    ranked = sorted(sizes)
-    for number, size in enumerate(ranked):
-        room = left // (len(ranked) - number)
-        if size > room:
-            return room
-        left -= size
-    return max([room, *ranked])
-
-
-def _cut(whole: Family, room: int) -> Family:
-    return whole._replace(samples=sorted(whole.samples, key=lambda sample: sorted(sample[0].items()))[:room])
+def _is_passing(labels: Mapping[str, str]) -> bool:
+    """Whether it is of an anonymous node, or of what only that has: it never comes again by this name."""
+    return any(key in NAMES and _ANONYMOUS.search(word) for key, word in labels.items())
 
 
 # ---- as text
