@@ -172,7 +172,7 @@ def test_a_subscriber_that_came_in_the_same_moment_is_told_of_the_publisher(scen
 )
 def test_a_contract_is_kept_or_the_version_cannot_become_ready(scene: Scene, pods: Any, owed: Any, why: str) -> None:
     pod = pods("talker")
-    pod.owe(topics={"/numbers": {"md5sum": None, "rate": None, **owed}})
+    pod.owe(topics={"/numbers": {"publishers": {pod.node: {"rate": owed.get("rate")}}, **owed}})
     talking(scene, pod)
     began = time.monotonic()
     status, line = pod.call("started")
@@ -186,7 +186,7 @@ def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
     talker, listener = pods("talker"), pods("listener")
     edges = [[talker.node, "/numbers", listener.node]]
     both = {"edges": edges, "members": [talker.node, listener.node]}
-    talker.owe(topics={"/numbers": {"type": "", "md5sum": None, "rate": None}}, **both)
+    talker.owe(topics={"/numbers": {"publishers": {talker.node: {"rate": None}}}}, **both)
     listener.owe(subscriptions={"/numbers": {"type": ""}}, **both)
     scene.start_master()
     for kind in ("talker", "listener"):
@@ -194,7 +194,8 @@ def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
         scene.until_registered(f"/old_{kind}")
     scene.start("talker", talker.node, "/numbers", "UInt32")
     assert talker.call("started")[1] == (
-        f"not ready: topic /numbers: {talker.node} not connected to {listener.node}, which is updated together with it"
+        f"not ready: edge {talker.node} -> /numbers -> {listener.node}: "
+        f"{listener.node} is not registered with the master"
     )
     scene.start("listener", listener.node, "/numbers", "UInt32")
     assert listener.call("started") == (0, "")

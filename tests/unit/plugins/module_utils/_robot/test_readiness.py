@@ -215,7 +215,7 @@ def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
     scene.gates.take(pod())
     said = [(status, text) for _uid, status, text in scene.api.conditions]
     assert said[-2:] == [
-        ("False", "not ready: topic /out: 0 of 1 subscriber connected: missing /listener"),
+        ("False", f"not ready: edge {OWN} -> /out -> /listener: /listener is not connected to {OWN}"),
         ("True", PROVEN + "c1"),
     ]
     assert len(said) <= 3, said
