@@ -12,29 +12,16 @@ from dataclasses import dataclass, field, replace
 from typing import Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
-from .._ros import bus_stats, graph, replies
-from .._ros.backend import MasterState
-from .._ros.bus_stats import Counted, Flow, Stats
+from .._ros import bus_stats
+from .._ros.bus_stats import Counted, Flow
+from .._ros.graph import GOAL_STATES, Action, Graph, Node
 from .._ros.roslaunch import Child
 
+CALLER = "/ros_exporter"
 REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
 FORGET_POLLS = 30  # a node that is gone for so long starts from nothing when it comes back
 # Every node has these two; they say nothing that ros_node_up does not.
 OWN_SERVICES = ("/get_loggers", "/set_logger_level")
-
-
-@dataclass(frozen=True)
-class NodeReply:
-    """What one node said in one poll. `errors` are reasons; without a `pid` it did not answer at all."""
-
-    uri: str = ""
-    pid: int | None = None
-    stats: Stats | None = None
-    links: tuple[graph.Connection, ...] | None = None
-    ours: tuple[int, ...] = ()  # ids of connections that the exporter itself had open
-    services: Mapping[str, bool] = field(default_factory=dict)
-    actions: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,14 +74,6 @@ def reason(error: BaseException) -> str:
     return "unreachable" if isinstance(error, (OSError, UnicodeError)) else "malformed"
 
 
-def is_stale(state: MasterState, name: str, answer: NodeReply) -> bool:
-    """Whether a node that answers at an address of two nodes is the other one: it lacks what this one registered."""
-    if answer.stats is None:
-        return False
-    own, node = {topic for topic, _direction in answer.stats.flows}, state.graph.node(name)
-    return not own.issuperset((*node.publications, *node.subscriptions))
-
-
 def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
     """Nothing is known of the nodes; what was counted so far stays for when they are back."""
     errors = dict(memory.errors)
@@ -103,73 +82,66 @@ def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
 
 
 def next_poll(
-    state: MasterState, answers: Mapping[str, NodeReply], memory: History, launched: Iterable[Child] = ()
+    graph: Graph, wrong: Iterable[str], memory: History, launched: Iterable[Child] = ()
 ) -> tuple[GraphMetrics, History]:
-    """The graph of this poll, and what the next one has to know."""
-    doubtful = replies.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
-    up, errors = {}, dict(memory.errors)
+    """The graph of this poll, and what the next one has to know. `wrong`: why questions got no usable answer."""
+    errors = dict(memory.errors)
+    for why in wrong:
+        errors[why] += 1
+    nodes = {node.name: node for node in graph.nodes.values()}
     counted, counts = dict(memory.counted), {}
-    for name, answer in answers.items():
-        for why in answer.errors:
-            errors[why] += 1
-        up[name] = answer.pid is not None and not (name in doubtful and is_stale(state, name, answer))
-        if not up[name] or answer.pid is None or answer.stats is None:
+    for name, node in nodes.items():
+        if node.pid is None or node.stats is None:
             continue
-        process, before = (answer.uri, answer.pid), counted.get(name)
+        process, before = (node.uri, node.pid), counted.get(name)
         # another process under a name that was there before has begun since, too
         new = memory.seen is not None and name not in memory.seen
         fresh = new or (before is not None and before.process != process)
-        counted[name] = bus_stats.advance(before, process, answer.stats, fresh, answer.ours)
+        ours = [link.number for link in node.connections or () if link.peer == CALLER]
+        counted[name] = bus_stats.advance(before, process, node.stats, fresh, ours)
         counts[name] = counted[name].totals
-    absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in answers}
+    absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in nodes}
     counted = {name: one for name, one in counted.items() if absent.get(name, 0) <= FORGET_POLLS}
-    answering = {name: answers[name] for name in up if up[name]}
     ros = GraphMetrics(
         True,
-        up,
+        {name: node.reachable for name, node in nodes.items()},
         counts,
-        {topic: len(names) for topic, names in state.publishers.items()},
-        {topic: len(names) for topic, names in state.subscribers.items()},
-        _connections(answering),
+        {topic.name: len(topic.publishers) for topic in graph.topics.values() if topic.publishers},
+        {topic.name: len(topic.subscribers) for topic in graph.topics.values() if topic.subscribers},
+        _connections(node for node in nodes.values() if node.reachable),
         {
-            (service, node): up.get(node, False) and answers[node].services.get(service, False)
-            for service, providers in watched(state).items()
-            for node in providers
-            if node in answers
+            (name, provider.name): graph.at(provider).reachable and service.up
+            for name, service in graph.services.items()
+            if is_watched(name)
+            for provider in service.providers
         },
-        _goals(answering),
+        {action.name: _goals(action) for action in graph.actions.values() if action.goals},
         # while a pod takes another's place both have it: the one that lives counts
         {child.node: child for child in sorted(launched, key=lambda child: child.alive)},
     )
-    return ros, History(counted, absent, frozenset(answers), errors, memory.polls + 1)
+    return ros, History(counted, absent, frozenset(nodes), errors, memory.polls + 1)
 
 
-def watched(state: MasterState) -> dict[str, tuple[str, ...]]:
-    """The services that are worth a look, with their providers."""
-    return {name: nodes for name, nodes in state.services.items() if not name.endswith(OWN_SERVICES)}
+def is_watched(service: str) -> bool:
+    """Whether it is worth a look."""
+    return not service.endswith(OWN_SERVICES)
 
 
-def _connections(answers: Mapping[str, NodeReply]) -> dict[tuple[str, str, str], int]:
+def _connections(nodes: Iterable[Node]) -> dict[tuple[str, str, str], int]:
     """Connections by topic, node and direction; 0 for a topic of the node that has none."""
     found: dict[tuple[str, str, str], int] = {}
-    for name, answer in answers.items():
-        for topic, direction in answer.stats.flows if answer.stats is not None else ():
-            found[(topic, name, direction)] = 0
-        for link in answer.links or ():
-            if link.connected:
+    for node in nodes:
+        for topic, direction in node.stats.flows if node.stats is not None else ():
+            found[(topic, node.name, direction)] = 0
+        for link in node.connections or ():
+            if link.connected and link.peer != CALLER:
                 # "b", a connection for both directions, is in no client library's code
-                key = (link.topic, name, bus_stats.IN if link.direction == "i" else bus_stats.OUT)
+                key = (link.topic, node.name, bus_stats.IN if link.direction == "i" else bus_stats.OUT)
                 found[key] = found.get(key, 0) + 1
     return found
 
 
-def _goals(answers: Mapping[str, NodeReply]) -> dict[str, dict[str, int]]:
-    """Goals by action and state, every state with its zero, so that a state that ends is seen to end."""
-    found: dict[str, dict[str, int]] = {}
-    for answer in answers.values():
-        for action, goals in answer.actions.items():
-            states = found.setdefault(action, {word.lower(): 0 for word in graph.GOAL_STATES.values()})
-            for state in goals:
-                if state in graph.GOAL_STATES:
-                    states[graph.GOAL_STATES[state].lower()] += 1
-    return found
+def _goals(action: Action) -> dict[str, int]:
+    """Goals by state, every state with its zero, so that a state that ends is seen to end."""
+    listed = [state for goals in action.goals.values() for state in goals]
+    return {word.lower(): listed.count(state) for state, word in GOAL_STATES.items()}

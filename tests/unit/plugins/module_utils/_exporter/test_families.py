@@ -74,7 +74,7 @@ def test_every_family_that_the_exporter_has_is_good_style() -> None:
     """As `promtool check metrics` and Prometheus want it: one family per name, one sample per set of labels."""
     links, goals = {("/t", "/n", "out"): 1}, {"/a": {"active": 1}}
     graph = GraphMetrics(True, {"/n": True}, connections=links, publishers={"/t": 1}, goals=goals)
-    update = updates.Update("1", "a", "drain", "updated", "", "", "2", 1.0, 2.0, 0.5, {"gate": 1.0})
+    update = updates.Update("", "", "2", 1.0, 2.0, 0.5, {"gate": 1.0}, "1", "a", "drain", "updated")
     made = [*families(Snapshot(graph, polls=1)), *claim_families({"data": 1}, {"data": 2}), *updates.families([update])]
     assert len({family.name for family in made}) == len(made)
     for family in made:

@@ -11,17 +11,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import (
-    CALLER,
-    Errand,
-    Observer,
-    Poller,
-    own_connections,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer, Poller
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import GraphMetrics
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import client
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded, until
 
 NODES = recorded("nodes")
@@ -69,14 +63,10 @@ def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
     assert set(ros.counts) == {"/good", "/cpp"}
     assert errors(made) == {"timeout": 1, "refused": 1, "fault": 1, "malformed": 1, "overflow": 1}
     assert time.monotonic() - began < 3
-    # what was late comes last the next time, so that it holds up nobody
-    state = made.observer.graph()
-    last = [errand.name for errand in made.observer.errands(state)][-4:]
-    assert set(last) == {"/odd", "/hung", "/dead", "/unknown"}
 
 
 def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observer, "AT_ONCE", 3)
+    monkeypatch.setattr(Observer, "at_once", 3)
     lock, now, most = threading.Lock(), [0], [0]
 
     def slow(*_args: Any) -> Any:
@@ -116,7 +106,7 @@ def test_only_calls_that_change_nothing(peers: Peers) -> None:
 
 def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
     """A few at a time, and none of a pod that is gone."""
-    monkeypatch.setattr(observer, "AT_ONCE", 2)
+    monkeypatch.setattr(Observer, "at_once", 2)
     answers = {"process_info": lambda _name: [-1, "no process by that name", {}]}
     servers = {
         name: peers.api(name, {**answers, "list_processes": [1, "", [[[f"{name}-1", 2]], []]]}, caller=False)
@@ -134,21 +124,25 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
 
 
 def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observer, "greet", lambda service, *_: {"/up": {}}[service])
-    monkeypatch.setattr(observer, "subscribe_status", lambda action, *_: nullcontext({"/idle": ()}[action]))
-    monkeypatch.setattr(observer, "read_states", lambda read: read)
-    services = (("/up", "rosrpc://n:1"), ("/mute", "rosrpc://n:2"), ("/unknown", RosError("no address")))
-    found = Observer("http://127.0.0.1:9/", 0.5).ask_node(
-        Errand("/n", peers.api("n", node()), services, ("/idle", "/broken"))
+    read: list[str] = []
+    monkeypatch.setattr(client, "greet", lambda service, *_: {"/up": {}}[service])
+    monkeypatch.setattr(client, "subscribe_status", lambda action, *_: nullcontext({"/idle": "/idle"}[action]))
+    monkeypatch.setattr(client, "read_states", lambda action: read.append(action) or ())
+    topics = [[[f"/{action}/{part}", ["/n"]] for action in ("idle", "broken") for part in parts]
+              for parts in (("status",), ("goal", "cancel"))]  # fmt: skip
+    services = [[name, ["/n"]] for name in ("/up", "/mute", "/unknown", "/n/get_loggers")]
+    where = {"/up": "rosrpc://n:1", "/mute": "rosrpc://n:2"}
+    made = poller(
+        peers,
+        {"/n": peers.api("n", node())},
+        getSystemState=[1, "", [*topics, services]],
+        lookupService=lambda name: [1, "", where[name]] if name in where else [-1, "no provider", ""],
     )
-    assert found.services == {"/up": True, "/mute": False, "/unknown": False}
-    assert (found.actions, found.errors) == ({"/idle": ()}, ("malformed", "fault", "malformed"))
-
-
-def test_our_own_connections() -> None:
-    assert own_connections([[4, CALLER, "o", "TCPROS", "/a", True], [5, "/b", "o", "TCPROS", "/a", True]]) == (4,)
-    for nonsense in (None, 7, [7], [[]], [[1]]):
-        assert own_connections(nonsense) == ()
+    made.poll()
+    ros = made.snapshot.ros
+    assert ros.services == {("/up", "/n"): True, ("/mute", "/n"): False, ("/unknown", "/n"): False}
+    assert (set(ros.goals), read) == ({"/idle"}, ["/idle"])  # one message of it
+    assert errors(made) == {"malformed": 2, "fault": 1}
 
 
 # --- again and again --------------------------------------------------------------------------------------------------
