@@ -15,7 +15,7 @@ from typing import Iterable, Mapping, Sequence
 
 from .._common.poll import FAIL, PASS, WAIT
 from .._ros.backend import MasterState, Questions
-from .._ros.checks import Check, check_edge, check_latched, check_node, check_service
+from .._ros.checks import Check, check_edge, check_latched, check_node, check_service, check_topic, check_type
 from .._ros.conditions import EdgeCondition, TopicCondition
 from .._ros.contract import Contract, conditions
 from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, Node, ServiceProbe, names_of
@@ -92,30 +92,20 @@ def judge(graph: Graph, wanted: Wanted, awaited: Iterable[EdgeCondition]) -> lis
 
 
 def _promised(graph: Graph, own: list[Node], contract: Contract) -> list[Check]:
-    typed = {**{topic: one.definition.type for topic, one in contract.topics.items()}, **contract.subscriptions}
-    checks = [_type(node, topic, wanted or ANY_TYPE) for node in own for topic, wanted in typed.items()]
+    checks = [check_topic(graph, one) for one in _topics(contract)]
+    for topic, wanted in contract.subscriptions.items():
+        told = [node.key for node in own if node.own_types.get(topic, ANY_TYPE) != ANY_TYPE]
+        if wanted and told:
+            checks.append(Check("topic", topic, *check_type(graph, graph.topic(topic), wanted, told)))
     return [*checks, _offered(graph, own, contract), *_together(graph, own, contract)]
 
 
-def _type(own: Node, topic: str, wanted: str) -> Check:
-    found = own.own_types.get(topic) or ANY_TYPE
-    if ANY_TYPE in (wanted, found) or wanted == found:
-        return Check("topic", topic, PASS, f"type {found}")
-    return Check("topic", topic, FAIL, f"this version has the type {found}, the one before had {wanted}")
-
-
 def _offered(graph: Graph, own: list[Node], contract: Contract) -> Check:
-    """Everything that the version before had registered; what a node of it published, by that very node."""
+    """What the version before had registered beside its topics."""
     names = {node.name for node in own}
-    published = {(name, node.name) for node in own for name in node.publications}
     subscribed = {name for node in own for name in node.subscriptions}
     served = {name for node in own for name in node.services}
     lacking = [f"does not start {name}" for name in contract.nodes if name not in names and len(contract.nodes) > 1]
-    lacking += [
-        f"does not publish {name}"
-        for name, one in contract.topics.items()
-        if not all((name, node) in published for node in one.publishers)
-    ]
     # without a publisher nobody has a reason to subscribe who takes whatever there is
     wanted = [name for name in contract.subscriptions if graph.topic(name).publishers]
     lacking += [f"does not subscribe to {name}" for name in wanted if name not in subscribed]

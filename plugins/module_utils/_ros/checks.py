@@ -149,7 +149,7 @@ def _check_number(graph: Graph, what: str, keys: Iterable[NodeKey], least: int) 
     return (PASS if len(alive) >= least else WAIT), reason
 
 
-def _check_type(graph: Graph, topic: Topic, wanted: str, keys: Iterable[NodeKey]) -> tuple[str, str]:
+def check_type(graph: Graph, topic: Topic, wanted: str, keys: Iterable[NodeKey]) -> tuple[str, str]:
     """A living node's own word counts; the master may still know the type of one that is gone."""
     alive, _dead = living(graph, keys)
     claims = {key: graph.at(key).own_types.get(topic.name, "") for key in alive}
@@ -225,7 +225,7 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
         parts.append(_check_publisher(graph, topic, wanted.publisher))
     if wanted.type:
         keys = [whose] if whose else [*topic.publishers, *topic.subscribers]
-        parts.append(_check_type(graph, topic, wanted.type, keys))
+        parts.append(check_type(graph, topic, wanted.type, keys))
     least = wanted.publishers
     if least is None and wanted.subscribers is None and not wanted.connected and not wanted.publisher:
         least = 1

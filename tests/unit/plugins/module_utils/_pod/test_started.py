@@ -129,12 +129,10 @@ def test_it_looks_ten_times_a_second_or_after_a_call_in_vain_twice_and_gives_up_
 
 
 def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
-    owe(monkeypatch, topics={"/out": {"type": "std_msgs/Bool"}})
+    owe(monkeypatch, topics={"/out": {"type": "std_msgs/Bool", "publishers": {OWN: {}}}})
     clock = Clock()
     line = started(World(), clock)
-    assert line == (
-        "cannot become ready: topic /out: this version has the type std_msgs/String, the one before had std_msgs/Bool"
-    )
+    assert line == f"cannot become ready: topic /out: the type is std_msgs/String at {OWN}, not std_msgs/Bool"
     assert clock.at == 0
     assert started(World(), clock, before=line) == line
     assert clock.at == pytest.approx(started_command.SECONDS)
@@ -272,11 +270,11 @@ def test_all_that_the_version_before_had_is_waited_for(two_nodes: World, monkeyp
     clock = Clock()
     assert launched(two_nodes, clock) == ""
     assert clock.at == 0  # the contract says what there has to be
-    words = f"as the version before: does not start {OTHER}; does not publish /map"
-    assert words in launched(two_nodes, here={OWN: URI})
+    words = f"topic /map: its publisher {OTHER} is registered, but down: not asked; node {OWN}: as the version before: "
+    assert f"{words}does not start {OTHER}" in launched(two_nodes, here={OWN: URI})
     topics = {"/map": {"type": "", "md5sum": None, "publishers": {OWN: {"rate": None}}}}
     owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)  # what one node had another one does not give
-    assert "does not publish /map" in launched(two_nodes)
+    assert f"topic /map: {OWN} does not publish it" in launched(two_nodes)
     owe_both(monkeypatch)
     two_nodes.hz["/out"] = 50.0
     assert "rate /out: 50.0 Hz" in launched(two_nodes)
@@ -334,6 +332,8 @@ def test_a_contract_counts_for_whoever_names_his_nodes_himself(
 # ---- a version that no step has brought
 
 
+UNPUBLISHED = "topic /out: /talker_0a1b2c3d_5 does not publish it"
+BEFORE = "node /talker_0a1b2c3d_5: as the version before: "
 POD, OLD, OLD_URI = "/talker_0a1b2c3d_5", "/talker_0a1b2c3d_4", "http://127.0.0.2:40001/"
 
 
@@ -378,10 +378,10 @@ def renewed(world: World, clock: Clock | None = None, **more: Any) -> str:
     ("offered", "lacking"),
     [
         (("/out", "/in", "/add"), ""),
-        (("/in", "/add"), "does not publish /out"),
-        (("/out", "/add"), "does not subscribe to /in"),
-        (("/out", "/in"), "does not offer the service /add"),
-        ((), "does not publish /out; does not subscribe to /in; does not offer the service /add"),
+        (("/in", "/add"), UNPUBLISHED),
+        (("/out", "/add"), f"{BEFORE}does not subscribe to /in"),
+        (("/out", "/in"), f"{BEFORE}does not offer the service /add"),
+        ((), f"{UNPUBLISHED}; {BEFORE}does not subscribe to /in; does not offer the service /add"),
     ],
 )
 def test_a_version_that_others_bring_owes_what_the_pod_before_has(
@@ -390,8 +390,7 @@ def test_a_version_that_others_bring_owes_what_the_pod_before_has(
     """A node that is still loading what it works with has registered nothing but its log for long."""
     beside.publishers["/debug"] = [OLD]  # the inventory lets it go
     beside.offer(*offered)
-    line = f"not ready: node {POD}: as the version before: {lacking}" if lacking else ""
-    assert renewed(beside) == line
+    assert renewed(beside) == (f"not ready: {lacking}" if lacking else "")
 
 
 def test_it_owes_the_rates_that_were_measured_of_the_pod_before(beside: Beside) -> None:
@@ -445,8 +444,9 @@ def test_a_launch_file_owes_all_that_the_pod_before_has_started_but_what_waits_f
     of_old = {name: answer.uri for name, answer in beside.answers.items() if name.endswith("_4")}
     pod: dict[str, Any] = {"expect_node": False, "launch": "overlap", "held": ["arm_node"], "here": {POD: URI}}
     pod["places"] = {**of_old, POD: URI, SUBSCRIBER: "http://127.0.0.1:40003/", "/rqt_1": OLD_URI}
-    words = "as the version before: does not start /map_node_0a1b2c3d_5; does not publish /map"
-    assert words in renewed(beside, **pod)
+    lacking = renewed(beside, **pod)
+    assert "topic /map: /map_node_0a1b2c3d_5 does not publish it" in lacking
+    assert f"{BEFORE}does not start /map_node_0a1b2c3d_5" in lacking
     monkeypatch.setattr(started_command, "is_here", lambda uri: uri.startswith("http://127.0.0.1"))
     beside.publishers["/map"].append("/map_node_0a1b2c3d_5")
     beside.answers["/map_node_0a1b2c3d_5"] = NodeAnswer(URI.replace("40001", "40007"), 10, bus=bus())
