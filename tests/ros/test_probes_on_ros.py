@@ -219,7 +219,7 @@ def test_a_pod_that_no_step_brings_takes_the_place_of_the_one_before_when_it_has
     assert old.call("started") == (0, "")
     scene.start("hearer", new.node, "/another")  # in the place of one that publishes nothing yet
     until("the new node", lambda: new.node in scene.registered())
-    assert new.call("started")[1] == f"not ready: topic /numbers: {new.node} does not publish it"
+    assert new.call("started")[1] == f"not ready: topic /numbers: {new.node} lives, but does not publish it"
     scene.kill(new.node)
     until("its end", lambda: scene.processes[new.node].poll() is not None)
     scene.start("talker", new.node)

@@ -270,11 +270,11 @@ def test_all_that_the_version_before_had_is_waited_for(two_nodes: World, monkeyp
     clock = Clock()
     assert launched(two_nodes, clock) == ""
     assert clock.at == 0  # the contract says what there has to be
-    words = f"topic /map: its publisher {OTHER} is registered, but down: not asked; node {OWN}: as the version before: "
+    words = f"topic /map: {OTHER} is registered, but down: not asked; node {OWN}: as the version before: "
     assert f"{words}does not start {OTHER}" in launched(two_nodes, here={OWN: URI})
     topics = {"/map": {"type": "", "md5sum": None, "publishers": {OWN: {"rate": None}}}}
     owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)  # what one node had another one does not give
-    assert f"topic /map: {OWN} does not publish it" in launched(two_nodes)
+    assert f"topic /map: {OWN} lives, but does not publish it" in launched(two_nodes)
     owe_both(monkeypatch)
     two_nodes.hz["/out"] = 50.0
     assert "rate /out: 50.0 Hz" in launched(two_nodes)
@@ -332,7 +332,7 @@ def test_a_contract_counts_for_whoever_names_his_nodes_himself(
 # ---- a version that no step has brought
 
 
-UNPUBLISHED = "topic /out: /talker_0a1b2c3d_5 does not publish it"
+UNPUBLISHED = "topic /out: /talker_0a1b2c3d_5 lives, but does not publish it"
 BEFORE = "node /talker_0a1b2c3d_5: as the version before: "
 POD, OLD, OLD_URI = "/talker_0a1b2c3d_5", "/talker_0a1b2c3d_4", "http://127.0.0.2:40001/"
 
@@ -445,7 +445,7 @@ def test_a_launch_file_owes_all_that_the_pod_before_has_started_but_what_waits_f
     pod: dict[str, Any] = {"expect_node": False, "launch": "overlap", "held": ["arm_node"], "here": {POD: URI}}
     pod["places"] = {**of_old, POD: URI, SUBSCRIBER: "http://127.0.0.1:40003/", "/rqt_1": OLD_URI}
     lacking = renewed(beside, **pod)
-    assert "topic /map: /map_node_0a1b2c3d_5 does not publish it" in lacking
+    assert "topic /map: /map_node_0a1b2c3d_5 is not registered with the master" in lacking
     assert f"{BEFORE}does not start /map_node_0a1b2c3d_5" in lacking
     monkeypatch.setattr(started_command, "is_here", lambda uri: uri.startswith("http://127.0.0.1"))
     beside.publishers["/map"].append("/map_node_0a1b2c3d_5")
