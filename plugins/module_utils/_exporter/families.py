@@ -15,7 +15,7 @@ import re
 from typing import Any, Iterable, Mapping, NamedTuple, Sequence, Tuple
 
 from .._ros.names import ANONYMOUS
-from .snapshot import REASONS, GraphMetrics, Snapshot
+from .snapshot import REASONS, Snapshot
 
 GAUGE, COUNTER = "gauge", "counter"
 TOTAL = "_total"  # ends the name of a counter and of its samples, and is no part of its family's in the text
@@ -45,36 +45,38 @@ def family(name: str, about: str, labels: str, numbers: Mapping[Any, float]) -> 
     return Family(name, kind, about, [(dict(zip(names, key)), float(number)) for key, number in rows])
 
 
+# The graph's: name, what it is, and its labels.
+ROS = (
+    ("ros_master_up", "Whether the ROS master answers", ""),
+    ("ros_node_up", "Whether a registered node answers at its address", "node"),
+    (
+        "ros_topic_messages_total",
+        "Messages of a topic by the node's own count: published (each once, however many subscribe) or received",
+        "topic node direction",
+    ),
+    ("ros_topic_bytes_total", "Bytes of a topic on all connections of the node", "topic node direction"),
+    ("ros_topic_publishers", "Registered publishers", "topic"),
+    ("ros_topic_subscribers", "Registered subscribers", "topic"),
+    ("ros_topic_connections", "Open connections of a topic by the node's word", "topic node direction"),
+    ("ros_service_up", "Whether a service answers the handshake of a client", "service node"),
+    ("ros_action_goals", "Goals in an action's status by state", "action state"),
+    (
+        "ros_launch_process_up",
+        "Whether a process that a launch file started is there; one that has done its work is not",
+        "node",
+    ),
+    (
+        "ros_launch_process_starts_total",
+        "How many times a launch file's process was started by its roslaunch",
+        "node",
+    ),
+)
+
+
 def families(snapshot: Snapshot) -> list[Family]:
     """Everything that comes from the polls. What is not known has no sample, rather than a zero."""
-    return [*_ros(snapshot.ros), *_own(snapshot)]
-
-
-def _ros(ros: GraphMetrics) -> list[Family]:
-    """The graph's metrics."""
-    flows = {(topic, node, way): count for node, of in ros.counts.items() for (topic, way), count in of.items()}
-    messages = {key: count.messages for key, count in flows.items()}
-    counted = "Messages of a topic by the node's own count: published (each once, however many subscribe) or received"
-    sent = {key: count.bytes for key, count in flows.items()}
-    goals = {(action, state): number for action, states in ros.goals.items() for state, number in states.items()}
-    alive = {name: child.alive for name, child in ros.launched.items()}
-    starts = {name: child.spawned for name, child in ros.launched.items()}
-    there = "Whether a process that a launch file started is there; one that has done its work is not"
-    started = "How many times a launch file's process was started by its roslaunch"
-    flow, linked = "topic node direction", "Open connections of a topic by the node's word"
-    return [
-        family("ros_master_up", "Whether the ROS master answers", "", {} if ros.master is None else {(): ros.master}),
-        family("ros_node_up", "Whether a registered node answers at its address", "node", ros.nodes),
-        family("ros_topic_messages_total", counted, flow, messages),
-        family("ros_topic_bytes_total", "Bytes of a topic on all connections of the node", flow, sent),
-        family("ros_topic_publishers", "Registered publishers", "topic", ros.publishers),
-        family("ros_topic_subscribers", "Registered subscribers", "topic", ros.subscribers),
-        family("ros_topic_connections", linked, flow, ros.connections),
-        family("ros_service_up", "Whether a service answers the handshake of a client", "service node", ros.services),
-        family("ros_action_goals", "Goals in an action's status by state", "action state", goals),
-        family("ros_launch_process_up", there, "node", alive),
-        family("ros_launch_process_starts_total", started, "node", starts),
-    ]
+    ros = [family(name, about, labels, snapshot.ros.get(name, {})) for name, about, labels in ROS]
+    return [*ros, *_own(snapshot)]
 
 
 def _own(snapshot: Snapshot) -> list[Family]:

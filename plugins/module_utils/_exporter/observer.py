@@ -18,7 +18,7 @@ from .._ros.client import Ros1Client
 from .._ros.graph import Graph, host_of
 from .._ros.roslaunch import Child, children
 from . import snapshot
-from .snapshot import CALLER, GraphMetrics, History, Snapshot
+from .snapshot import CALLER, History, Numbers, Snapshot
 from .updates import Updates
 
 FRESH = 150.0  # seconds for which a look is shown; Prometheus wants a scrape every two minutes at least
@@ -94,7 +94,7 @@ class Poller(threading.Thread):
         if not self.due.is_set() and now - self.asked >= self.interval / 2:
             self.asked = now
             self.due.set()
-        return found if now - self.ended < FRESH else replace(found, ros=GraphMetrics())
+        return found if now - self.ended < FRESH else replace(found, ros={})
 
     def healthy(self) -> bool:
         """Whether looks come to an end."""
@@ -109,7 +109,7 @@ class Poller(threading.Thread):
         self.ended = time.monotonic()
         self.snapshot = Snapshot(ros, self.memory.errors, self.memory.polls, self.ended - began, at)
 
-    def _look(self) -> tuple[GraphMetrics, History]:
+    def _look(self) -> tuple[Numbers, History]:
         try:
             graph, launched = self.observer.look()
         except Exception as error:  # whatever the master does, it is away

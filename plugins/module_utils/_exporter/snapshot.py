@@ -9,15 +9,17 @@ from __future__ import annotations
 import socket
 import xmlrpc.client
 from dataclasses import dataclass, field, replace
-from typing import Iterable, Mapping
+from typing import Iterable, Mapping, Tuple, Union
 
 from .._common.errors import RefusalError, RosError
 from .._ros import bus_stats
-from .._ros.bus_stats import Counted, Flow
+from .._ros.bus_stats import Count, Counted
 from .._ros.graph import GOAL_STATES, Action, Graph, Node
 from .._ros.roslaunch import Child
 
 CALLER = "/ros_exporter"
+Key = Union[str, Tuple[str, ...]]  # a word for each of a metric's labels
+Numbers = Mapping[str, Mapping[Key, float]]
 REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
 FORGET_POLLS = 30  # a node that is gone for so long starts from nothing when it comes back
 # Every node has these two; they say nothing that ros_node_up does not.
@@ -36,23 +38,10 @@ class History:
 
 
 @dataclass(frozen=True)
-class GraphMetrics:
-    """The graph of one poll, as metrics need it. `master` None: not asked yet."""
-
-    master: bool | None = None
-    nodes: Mapping[str, bool] = field(default_factory=dict)
-    counts: Mapping[str, Mapping[Flow, bus_stats.Count]] = field(default_factory=dict)
-    publishers: Mapping[str, int] = field(default_factory=dict)
-    subscribers: Mapping[str, int] = field(default_factory=dict)
-    connections: Mapping[tuple[str, str, str], int] = field(default_factory=dict)  # topic, node, direction
-    services: Mapping[tuple[str, str], bool] = field(default_factory=dict)  # service, node
-    goals: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
-    launched: Mapping[str, Child] = field(default_factory=dict)  # by the name of its node
-
-
-@dataclass(frozen=True)
 class Snapshot:
-    ros: GraphMetrics = GraphMetrics()
+    """`ros` has the graph's metrics, by name. Without one nothing is known of it."""
+
+    ros: Numbers = field(default_factory=dict)
     errors: Mapping[str, int] = field(default_factory=dict)
     polls: int = 0
     duration: float = 0.0
@@ -74,22 +63,23 @@ def reason(error: BaseException) -> str:
     return "unreachable" if isinstance(error, (OSError, UnicodeError)) else "malformed"
 
 
-def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
+def master_away(memory: History, why: str) -> tuple[Numbers, History]:
     """Nothing is known of the nodes; what was counted so far stays for when they are back."""
     errors = dict(memory.errors)
     errors[why] += 1
-    return GraphMetrics(master=False), replace(memory, errors=errors, polls=memory.polls + 1)
+    return {"ros_master_up": {(): 0}}, replace(memory, errors=errors, polls=memory.polls + 1)
 
 
 def next_poll(
     graph: Graph, wrong: Iterable[str], memory: History, launched: Iterable[Child] = ()
-) -> tuple[GraphMetrics, History]:
+) -> tuple[Numbers, History]:
     """The graph of this poll, and what the next one has to know. `wrong`: why questions got no usable answer."""
     errors = dict(memory.errors)
     for why in wrong:
         errors[why] += 1
     nodes = {node.name: node for node in graph.nodes.values()}
-    counted, counts = dict(memory.counted), {}
+    counted = dict(memory.counted)
+    flows: dict[Key, Count] = {}
     for name, node in nodes.items():
         if node.pid is None or node.stats is None:
             continue
@@ -99,27 +89,30 @@ def next_poll(
         fresh = new or (before is not None and before.process != process)
         ours = [link.number for link in node.connections or () if link.peer == CALLER]
         counted[name] = bus_stats.advance(before, process, node.stats, fresh, ours)
-        counts[name] = counted[name].totals
+        flows.update({(topic, name, way): count for (topic, way), count in counted[name].totals.items()})
     absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in nodes}
     counted = {name: one for name, one in counted.items() if absent.get(name, 0) <= FORGET_POLLS}
-    ros = GraphMetrics(
-        True,
-        {name: node.reachable for name, node in nodes.items()},
-        counts,
-        {topic.name: len(topic.publishers) for topic in graph.topics.values() if topic.publishers},
-        {topic.name: len(topic.subscribers) for topic in graph.topics.values() if topic.subscribers},
-        _connections(node for node in nodes.values() if node.reachable),
-        {
+    # while a pod takes another's place both have it: the one that lives counts
+    children = {child.node: child for child in sorted(launched, key=lambda child: child.alive)}
+    numbers: Numbers = {
+        "ros_master_up": {(): 1},
+        "ros_node_up": {name: node.reachable for name, node in nodes.items()},
+        "ros_topic_messages_total": {key: count.messages for key, count in flows.items()},
+        "ros_topic_bytes_total": {key: count.bytes for key, count in flows.items()},
+        "ros_topic_publishers": {one.name: len(one.publishers) for one in graph.topics.values() if one.publishers},
+        "ros_topic_subscribers": {one.name: len(one.subscribers) for one in graph.topics.values() if one.subscribers},
+        "ros_topic_connections": _connections(node for node in nodes.values() if node.reachable),
+        "ros_service_up": {
             (name, provider.name): graph.at(provider).reachable and service.up
             for name, service in graph.services.items()
             if is_watched(name)
             for provider in service.providers
         },
-        {action.name: _goals(action) for action in graph.actions.values() if action.goals},
-        # while a pod takes another's place both have it: the one that lives counts
-        {child.node: child for child in sorted(launched, key=lambda child: child.alive)},
-    )
-    return ros, History(counted, absent, frozenset(nodes), errors, memory.polls + 1)
+        "ros_action_goals": _goals(action for action in graph.actions.values() if action.goals),
+        "ros_launch_process_up": {node: child.alive for node, child in children.items()},
+        "ros_launch_process_starts_total": {node: child.spawned for node, child in children.items()},
+    }
+    return numbers, History(counted, absent, frozenset(nodes), errors, memory.polls + 1)
 
 
 def is_watched(service: str) -> bool:
@@ -127,12 +120,12 @@ def is_watched(service: str) -> bool:
     return not service.endswith(OWN_SERVICES)
 
 
-def _connections(nodes: Iterable[Node]) -> dict[tuple[str, str, str], int]:
+def _connections(nodes: Iterable[Node]) -> dict[Key, float]:
     """Connections by topic, node and direction; 0 for a topic of the node that has none."""
-    found: dict[tuple[str, str, str], int] = {}
+    found: dict[Key, float] = {}
     for node in nodes:
         for topic, direction in node.stats.flows if node.stats is not None else ():
-            found[(topic, node.name, direction)] = 0
+            found[topic, node.name, direction] = 0
         for link in node.connections or ():
             if link.connected and link.peer != CALLER:
                 # "b", a connection for both directions, is in no client library's code
@@ -141,7 +134,8 @@ def _connections(nodes: Iterable[Node]) -> dict[tuple[str, str, str], int]:
     return found
 
 
-def _goals(action: Action) -> dict[str, int]:
-    """Goals by state, every state with its zero, so that a state that ends is seen to end."""
-    listed = [state for goals in action.goals.values() for state in goals]
-    return {word.lower(): listed.count(state) for state, word in GOAL_STATES.items()}
+def _goals(actions: Iterable[Action]) -> dict[Key, float]:
+    """Goals by action and state, every state with its zero, so that a state that ends is seen to end."""
+    listed = {action.name: [state for goals in action.goals.values() for state in goals] for action in actions}
+    states = GOAL_STATES.items()
+    return {(name, word.lower()): goals.count(state) for name, goals in listed.items() for state, word in states}

@@ -20,8 +20,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families im
     families,
     text,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import GraphMetrics, Snapshot
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import OUT, Count
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import Snapshot
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import OUT
 from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client.openmetrics import exposition
@@ -72,8 +72,8 @@ def test_values_that_are_none_and_what_it_is() -> None:
 
 def test_every_family_that_the_exporter_has_is_good_style() -> None:
     """As `promtool check metrics` and Prometheus want it: one family per name, one sample per set of labels."""
-    links, goals = {("/t", "/n", "out"): 1}, {"/a": {"active": 1}}
-    graph = GraphMetrics(True, {"/n": True}, connections=links, publishers={"/t": 1}, goals=goals)
+    words = {"": (), "node": "/n", "topic": "/t"}
+    graph = {name: {words.get(labels, tuple(labels.split())): 1.0} for name, _about, labels in metrics_of.ROS}
     update = updates.Update("", "", "2", 1.0, 2.0, 0.5, {"gate": 1.0}, "1", "a", "drain", "updated")
     made = [*families(Snapshot(graph, polls=1)), *claim_families({"data": 1}, {"data": 2}), *updates.families([update])]
     assert len({family.name for family in made}) == len(made)
@@ -124,12 +124,8 @@ def many(name: str, number: int, kind: str = GAUGE) -> Family:
 
 
 def test_a_node_with_thousands_of_topics_does_not_fill_the_database() -> None:
-    graph = GraphMetrics(
-        True,
-        {"/bad": True},
-        {"/bad": {(f"/t{number}", OUT): Count(1, 1) for number in range(20_000)}},
-        {f"/t{number}": 1 for number in range(20_000)},
-    )
+    flows = {(f"/t{number}", "/bad", OUT): 1.0 for number in range(20_000)}
+    graph = {"ros_node_up": {"/bad": 1.0}, "ros_topic_messages_total": flows, "ros_topic_bytes_total": flows}
     found = bounded(families(Snapshot(graph, {}, 1)))
     assert sum(len(family.samples) for family in found) <= metrics_of.MOST + 1
     assert shown(found, "ros_node_up") == [({"node": "/bad"}, 1.0)]

@@ -15,8 +15,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families im
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
     CALLER,
     FORGET_POLLS,
-    GraphMetrics,
     History,
+    Numbers,
     Snapshot,
     master_away,
     next_poll,
@@ -64,7 +64,7 @@ HUNG = NodeAnswer("http://x:1/", error="no answer")
 
 def poll(
     told: Answers, memory: History | None = None, wrong: Sequence[str] = (), launched: Sequence[Child] = (), **more: Any
-) -> tuple[GraphMetrics, History]:
+) -> tuple[Numbers, History]:
     """Of a registered node that is not `told` of, nobody has registered anything either."""
     state = MasterState(*(
         {name: tuple(one for one in nodes if one in told) for name, nodes in part.items()}
@@ -73,12 +73,12 @@ def poll(
     return next_poll(build(state, told, **more), wrong, memory or History(), launched)
 
 
-def samples(ros: GraphMetrics, name: str, **labels: str) -> list[float]:
+def samples(ros: Numbers, name: str, **labels: str) -> list[float]:
     found = [family for family in families(Snapshot(ros, {}, 1)) if family.name == name]
     return [number for family in found for had, number in family.samples if labels.items() <= had.items()]
 
 
-def two_polls(by: int = 40) -> tuple[GraphMetrics, History]:
+def two_polls(by: int = 40) -> tuple[Numbers, History]:
     _ros, memory = poll(answers())
     return poll(grown(by), memory, ["refused"])
 
@@ -107,7 +107,7 @@ def test_services_and_goals() -> None:
     probes = {"/trigger": ServiceProbe("rosrpc://x:1", "/helper")}
     statuses = {"/work": {"/worker": StatusReading(((1, 3, 3),))}}
     ros, memory = poll(answers(), probes=probes, statuses=statuses)
-    assert {name for name, _node in ros.services} == {"/trigger"}  # and not those two that every node has
+    assert [*ros["ros_service_up"]] == [("/trigger", "/helper")]  # and not those two that every node has
     assert samples(ros, "ros_service_up", service="/trigger", node="/helper") == [1]
     assert samples(ros, "ros_action_goals", action="/work", state="active") == [1]
     assert samples(ros, "ros_action_goals", action="/work", state="succeeded") == [2]
