@@ -144,7 +144,7 @@ def test_what_was_set_at_run_time_is_kept_by_the_next_version_and_by_the_way_bac
         if after is plain:
             assert (said, there[after.name]["rate"]) == ("", 10)
             continue
-        names = f"/limits/speed, {after.node}/rate, {after.node}/pid/gain"
+        names = f"{after.node}/rate, {after.node}/pid/gain, /limits/speed"
         assert said == f"rosops.fleet: kept as they were, not as params say: {names}\n"
         assert there[after.name] == kept
         assert there["limits"] == {"speed": 3}
