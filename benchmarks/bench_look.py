@@ -176,8 +176,8 @@ def exporter(uri: str) -> Look:
     observer, memory = Observer(uri, 5.0), [History()]
 
     def poll() -> None:
-        state = observer.graph()
-        _metrics, memory[0] = next_poll(state, observer.answers(observer.errands(state)), memory[0])
+        graph, _launched = observer.look()
+        _metrics, memory[0] = next_poll(graph, observer.wrong.values(), memory[0])
 
     return poll
 

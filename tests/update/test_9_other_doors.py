@@ -134,7 +134,7 @@ def test_a_version_by_hand_that_never_connects_takes_nobody_s_place(fleet: Fleet
     def new() -> Pod:
         return next(pod for pod in fleet.cluster.pods("robot1")[PUBLISHER] if pod.uid != before[PUBLISHER][0].uid)
 
-    lacks = "as the version before: does not publish /temperature"
+    lacks = "lives, but does not publish it"
     said = wait_until(new, lambda pod: lacks in pod.gate, SECONDS, "why it is not ready", pause=2)
     assert not said.ready
     watch.assert_nothing_lost("robot1")

@@ -15,7 +15,7 @@ import re
 from typing import Any, Iterable, Mapping, NamedTuple, Sequence, Tuple
 
 from .._ros.names import ANONYMOUS
-from .snapshot import REASONS, GraphMetrics, Snapshot
+from .snapshot import REASONS, Snapshot
 
 GAUGE, COUNTER = "gauge", "counter"
 TOTAL = "_total"  # ends the name of a counter and of its samples, and is no part of its family's in the text
@@ -23,8 +23,6 @@ CONTENT_TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 MOST = 20_000  # samples of a scrape
 LEFT_OUT = "ros_exporter_series_left_out"
 NAMES = frozenset({"node", "topic", "service", "action"})  # labels with names of the graph
-# of several nodes that share a name; other numbers are added up
-SMALLEST = ("ros_node_up", "ros_service_up", "ros_launch_process_up")
 
 _ANONYMOUS = re.compile(ANONYMOUS + r"(?=/|\Z)")
 
@@ -47,36 +45,38 @@ def family(name: str, about: str, labels: str, numbers: Mapping[Any, float]) -> 
     return Family(name, kind, about, [(dict(zip(names, key)), float(number)) for key, number in rows])
 
 
+# The graph's: name, what it is, and its labels.
+ROS = (
+    ("ros_master_up", "Whether the ROS master answers", ""),
+    ("ros_node_up", "Whether a registered node answers at its address", "node"),
+    (
+        "ros_topic_messages_total",
+        "Messages of a topic by the node's own count: published (each once, however many subscribe) or received",
+        "topic node direction",
+    ),
+    ("ros_topic_bytes_total", "Bytes of a topic on all connections of the node", "topic node direction"),
+    ("ros_topic_publishers", "Registered publishers", "topic"),
+    ("ros_topic_subscribers", "Registered subscribers", "topic"),
+    ("ros_topic_connections", "Open connections of a topic by the node's word", "topic node direction"),
+    ("ros_service_up", "Whether a service answers the handshake of a client", "service node"),
+    ("ros_action_goals", "Goals in an action's status by state", "action state"),
+    (
+        "ros_launch_process_up",
+        "Whether a process that a launch file started is there; one that has done its work is not",
+        "node",
+    ),
+    (
+        "ros_launch_process_starts_total",
+        "How many times a launch file's process was started by its roslaunch",
+        "node",
+    ),
+)
+
+
 def families(snapshot: Snapshot) -> list[Family]:
     """Everything that comes from the polls. What is not known has no sample, rather than a zero."""
-    return [*_ros(snapshot.ros), *_own(snapshot)]
-
-
-def _ros(ros: GraphMetrics) -> list[Family]:
-    """The graph's metrics."""
-    flows = {(topic, node, way): count for node, of in ros.counts.items() for (topic, way), count in of.items()}
-    messages = {key: count.messages for key, count in flows.items()}
-    counted = "Messages of a topic by the node's own count: published (each once, however many subscribe) or received"
-    sent = {key: count.bytes for key, count in flows.items()}
-    goals = {(action, state): number for action, states in ros.goals.items() for state, number in states.items()}
-    alive = {name: child.alive for name, child in ros.launched.items()}
-    starts = {name: child.spawned for name, child in ros.launched.items()}
-    there = "Whether a process that a launch file started is there; one that has done its work is not"
-    started = "How many times a launch file's process was started by its roslaunch"
-    flow, linked = "topic node direction", "Open connections of a topic by the node's word"
-    return [
-        family("ros_master_up", "Whether the ROS master answers", "", {} if ros.master is None else {(): ros.master}),
-        family("ros_node_up", "Whether a registered node answers at its address", "node", ros.nodes),
-        family("ros_topic_messages_total", counted, flow, messages),
-        family("ros_topic_bytes_total", "Bytes of a topic on all connections of the node", flow, sent),
-        family("ros_topic_publishers", "Registered publishers", "topic", ros.publishers),
-        family("ros_topic_subscribers", "Registered subscribers", "topic", ros.subscribers),
-        family("ros_topic_connections", linked, flow, ros.connections),
-        family("ros_service_up", "Whether a service answers the handshake of a client", "service node", ros.services),
-        family("ros_action_goals", "Goals in an action's status by state", "action state", goals),
-        family("ros_launch_process_up", there, "node", alive),
-        family("ros_launch_process_starts_total", started, "node", starts),
-    ]
+    ros = [family(name, about, labels, snapshot.ros.get(name, {})) for name, about, labels in ROS]
+    return [*ros, *_own(snapshot)]
 
 
 def _own(snapshot: Snapshot) -> list[Family]:
@@ -106,59 +106,27 @@ def claim_families(used: Mapping[str, int], capacity: Mapping[str, int]) -> list
 
 
 def bounded(families: Iterable[Family], most: int = MOST) -> list[Family]:
-    """The families with anonymous nodes under one name, and no more than so many samples; how many are left out.
+    """The families without anonymous nodes, and no more than so many samples: the largest are left out, as a whole.
 
-    Where there are too many, the largest families are cut: the same samples as long as the graph stays as it is.
+    How many samples that are has a family of its own.
     """
-    folded = [_folded(one) for one in families]
-    sizes = [len(one.samples) for one in folded]
-    room = _room(sizes, most)
-    kept = [one if len(one.samples) <= room else _cut(one, room) for one in folded]
-    left_out = sum(max(0, size - room) for size in sizes)
-    about = "Samples left out because there are more than the exporter shows"
+    lasting = (one._replace(samples=[it for it in one.samples if not _is_passing(it[0])]) for one in families)
+    kept: list[Family] = []
+    room, left_out = most, 0
+    for one in sorted(lasting, key=lambda it: len(it.samples)):
+        size = len(one.samples)
+        if size <= room:
+            kept.append(one)
+            room -= size
+        else:
+            left_out += size
+    about = "Samples of metrics that are left out, as there are more than the exporter shows"
     return [*kept, family(LEFT_OUT, about, "", {(): left_out})]
 
 
-def stable(name: str) -> str:
-    """A name without what makes it another one in each process.
-
-    >>> stable("/rostopic_4711_1700000000000/debug")
-    '/rostopic_*/debug'
-    """
-    return _ANONYMOUS.sub("_*", name)
-
-
-def _folded(whole: Family) -> Family:
-    """Series of anonymous nodes as one; none of a counter, which begins anew with each of them."""
-    plain: list[Sample] = []
-    shared: dict[tuple[tuple[str, str], ...], list[float]] = {}
-    for labels, value in whole.samples:
-        found = {key: stable(word) if key in NAMES else word for key, word in labels.items()}
-        if found == labels:
-            plain.append((labels, value))
-        elif whole.kind != COUNTER:
-            shared.setdefault(tuple(found.items()), []).append(value)
-    if len(plain) == len(whole.samples):
-        return whole
-    merge = min if whole.name in SMALLEST else sum
-    together = ((dict(labels), float(merge(values))) for labels, values in shared.items())
-    return whole._replace(samples=[*plain, *together])
-
-
-def _room(sizes: Iterable[int], most: int) -> int:
-    """How many samples each family may have, so that all of them together have no more than `most`."""
-    left, room = most, 0
-    ranked = sorted(sizes)
-    for number, size in enumerate(ranked):
-        room = left // (len(ranked) - number)
-        if size > room:
-            return room
-        left -= size
-    return max([room, *ranked])
-
-
-def _cut(whole: Family, room: int) -> Family:
-    return whole._replace(samples=sorted(whole.samples, key=lambda sample: sorted(sample[0].items()))[:room])
+def _is_passing(labels: Mapping[str, str]) -> bool:
+    """Whether it is of an anonymous node, or of what only that has: it never comes again by this name."""
+    return any(key in NAMES and _ANONYMOUS.search(word) for key, word in labels.items())
 
 
 # ---- as text

@@ -9,32 +9,21 @@ from __future__ import annotations
 import socket
 import xmlrpc.client
 from dataclasses import dataclass, field, replace
-from typing import Iterable, Mapping
+from typing import Iterable, Mapping, Tuple, Union
 
 from .._common.errors import RefusalError, RosError
-from .._ros import bus_stats, graph, replies
-from .._ros.backend import MasterState
-from .._ros.bus_stats import Counted, Flow, Stats
+from .._ros import bus_stats
+from .._ros.bus_stats import Count, Counted
+from .._ros.graph import GOAL_STATES, Action, Graph, Node
 from .._ros.roslaunch import Child
 
+CALLER = "/ros_exporter"
+Key = Union[str, Tuple[str, ...]]  # a word for each of a metric's labels
+Numbers = Mapping[str, Mapping[Key, float]]
 REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
 FORGET_POLLS = 30  # a node that is gone for so long starts from nothing when it comes back
 # Every node has these two; they say nothing that ros_node_up does not.
 OWN_SERVICES = ("/get_loggers", "/set_logger_level")
-
-
-@dataclass(frozen=True)
-class NodeReply:
-    """What one node said in one poll. `errors` are reasons; without a `pid` it did not answer at all."""
-
-    uri: str = ""
-    pid: int | None = None
-    stats: Stats | None = None
-    links: tuple[graph.Connection, ...] | None = None
-    ours: tuple[int, ...] = ()  # ids of connections that the exporter itself had open
-    services: Mapping[str, bool] = field(default_factory=dict)
-    actions: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -49,23 +38,10 @@ class History:
 
 
 @dataclass(frozen=True)
-class GraphMetrics:
-    """The graph of one poll, as metrics need it. `master` None: not asked yet."""
-
-    master: bool | None = None
-    nodes: Mapping[str, bool] = field(default_factory=dict)
-    counts: Mapping[str, Mapping[Flow, bus_stats.Count]] = field(default_factory=dict)
-    publishers: Mapping[str, int] = field(default_factory=dict)
-    subscribers: Mapping[str, int] = field(default_factory=dict)
-    connections: Mapping[tuple[str, str, str], int] = field(default_factory=dict)  # topic, node, direction
-    services: Mapping[tuple[str, str], bool] = field(default_factory=dict)  # service, node
-    goals: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
-    launched: Mapping[str, Child] = field(default_factory=dict)  # by the name of its node
-
-
-@dataclass(frozen=True)
 class Snapshot:
-    ros: GraphMetrics = GraphMetrics()
+    """`ros` has the graph's metrics, by name. Without one nothing is known of it."""
+
+    ros: Numbers = field(default_factory=dict)
     errors: Mapping[str, int] = field(default_factory=dict)
     polls: int = 0
     duration: float = 0.0
@@ -87,89 +63,79 @@ def reason(error: BaseException) -> str:
     return "unreachable" if isinstance(error, (OSError, UnicodeError)) else "malformed"
 
 
-def is_stale(state: MasterState, name: str, answer: NodeReply) -> bool:
-    """Whether a node that answers at an address of two nodes is the other one: it lacks what this one registered."""
-    if answer.stats is None:
-        return False
-    own, node = {topic for topic, _direction in answer.stats.flows}, state.graph.node(name)
-    return not own.issuperset((*node.publications, *node.subscriptions))
-
-
-def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
+def master_away(memory: History, why: str) -> tuple[Numbers, History]:
     """Nothing is known of the nodes; what was counted so far stays for when they are back."""
     errors = dict(memory.errors)
     errors[why] += 1
-    return GraphMetrics(master=False), replace(memory, errors=errors, polls=memory.polls + 1)
+    return {"ros_master_up": {(): 0}}, replace(memory, errors=errors, polls=memory.polls + 1)
 
 
 def next_poll(
-    state: MasterState, answers: Mapping[str, NodeReply], memory: History, launched: Iterable[Child] = ()
-) -> tuple[GraphMetrics, History]:
-    """The graph of this poll, and what the next one has to know."""
-    doubtful = replies.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
-    up, errors = {}, dict(memory.errors)
-    counted, counts = dict(memory.counted), {}
-    for name, answer in answers.items():
-        for why in answer.errors:
-            errors[why] += 1
-        up[name] = answer.pid is not None and not (name in doubtful and is_stale(state, name, answer))
-        if not up[name] or answer.pid is None or answer.stats is None:
+    graph: Graph, wrong: Iterable[str], memory: History, launched: Iterable[Child] = ()
+) -> tuple[Numbers, History]:
+    """The graph of this poll, and what the next one has to know. `wrong`: why questions got no usable answer."""
+    errors = dict(memory.errors)
+    for why in wrong:
+        errors[why] += 1
+    nodes = {node.name: node for node in graph.nodes.values()}
+    counted = dict(memory.counted)
+    flows: dict[Key, Count] = {}
+    for name, node in nodes.items():
+        if node.pid is None or node.stats is None:
             continue
-        process, before = (answer.uri, answer.pid), counted.get(name)
+        process, before = (node.uri, node.pid), counted.get(name)
         # another process under a name that was there before has begun since, too
         new = memory.seen is not None and name not in memory.seen
         fresh = new or (before is not None and before.process != process)
-        counted[name] = bus_stats.advance(before, process, answer.stats, fresh, answer.ours)
-        counts[name] = counted[name].totals
-    absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in answers}
+        ours = [link.number for link in node.connections or () if link.peer == CALLER]
+        counted[name] = bus_stats.advance(before, process, node.stats, fresh, ours)
+        flows.update({(topic, name, way): count for (topic, way), count in counted[name].totals.items()})
+    absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in nodes}
     counted = {name: one for name, one in counted.items() if absent.get(name, 0) <= FORGET_POLLS}
-    answering = {name: answers[name] for name in up if up[name]}
-    ros = GraphMetrics(
-        True,
-        up,
-        counts,
-        {topic: len(names) for topic, names in state.publishers.items()},
-        {topic: len(names) for topic, names in state.subscribers.items()},
-        _connections(answering),
-        {
-            (service, node): up.get(node, False) and answers[node].services.get(service, False)
-            for service, providers in watched(state).items()
-            for node in providers
-            if node in answers
+    # while a pod takes another's place both have it: the one that lives counts
+    children = {child.node: child for child in sorted(launched, key=lambda child: child.alive)}
+    numbers: Numbers = {
+        "ros_master_up": {(): 1},
+        "ros_node_up": {name: node.reachable for name, node in nodes.items()},
+        "ros_topic_messages_total": {key: count.messages for key, count in flows.items()},
+        "ros_topic_bytes_total": {key: count.bytes for key, count in flows.items()},
+        "ros_topic_publishers": {one.name: len(one.publishers) for one in graph.topics.values() if one.publishers},
+        "ros_topic_subscribers": {one.name: len(one.subscribers) for one in graph.topics.values() if one.subscribers},
+        "ros_topic_connections": _connections(node for node in nodes.values() if node.reachable),
+        "ros_service_up": {
+            (name, provider.name): graph.at(provider).reachable and service.up
+            for name, service in graph.services.items()
+            if is_watched(name)
+            for provider in service.providers
         },
-        _goals(answering),
-        # while a pod takes another's place both have it: the one that lives counts
-        {child.node: child for child in sorted(launched, key=lambda child: child.alive)},
-    )
-    return ros, History(counted, absent, frozenset(answers), errors, memory.polls + 1)
+        "ros_action_goals": _goals(action for action in graph.actions.values() if action.goals),
+        "ros_launch_process_up": {node: child.alive for node, child in children.items()},
+        "ros_launch_process_starts_total": {node: child.spawned for node, child in children.items()},
+    }
+    return numbers, History(counted, absent, frozenset(nodes), errors, memory.polls + 1)
 
 
-def watched(state: MasterState) -> dict[str, tuple[str, ...]]:
-    """The services that are worth a look, with their providers."""
-    return {name: nodes for name, nodes in state.services.items() if not name.endswith(OWN_SERVICES)}
+def is_watched(service: str) -> bool:
+    """Whether it is worth a look."""
+    return not service.endswith(OWN_SERVICES)
 
 
-def _connections(answers: Mapping[str, NodeReply]) -> dict[tuple[str, str, str], int]:
+def _connections(nodes: Iterable[Node]) -> dict[Key, float]:
     """Connections by topic, node and direction; 0 for a topic of the node that has none."""
-    found: dict[tuple[str, str, str], int] = {}
-    for name, answer in answers.items():
-        for topic, direction in answer.stats.flows if answer.stats is not None else ():
-            found[(topic, name, direction)] = 0
-        for link in answer.links or ():
-            if link.connected:
+    found: dict[Key, float] = {}
+    for node in nodes:
+        for topic, direction in node.stats.flows if node.stats is not None else ():
+            found[topic, node.name, direction] = 0
+        for link in node.connections or ():
+            if link.connected and link.peer != CALLER:
                 # "b", a connection for both directions, is in no client library's code
-                key = (link.topic, name, bus_stats.IN if link.direction == "i" else bus_stats.OUT)
+                key = (link.topic, node.name, bus_stats.IN if link.direction == "i" else bus_stats.OUT)
                 found[key] = found.get(key, 0) + 1
     return found
 
 
-def _goals(answers: Mapping[str, NodeReply]) -> dict[str, dict[str, int]]:
+def _goals(actions: Iterable[Action]) -> dict[Key, float]:
     """Goals by action and state, every state with its zero, so that a state that ends is seen to end."""
-    found: dict[str, dict[str, int]] = {}
-    for answer in answers.values():
-        for action, goals in answer.actions.items():
-            states = found.setdefault(action, {word.lower(): 0 for word in graph.GOAL_STATES.values()})
-            for state in goals:
-                if state in graph.GOAL_STATES:
-                    states[graph.GOAL_STATES[state].lower()] += 1
-    return found
+    listed = {action.name: [state for goals in action.goals.values() for state in goals] for action in actions}
+    states = GOAL_STATES.items()
+    return {(name, word.lower()): goals.count(state) for name, goals in listed.items() for state, word in states}

@@ -6,11 +6,12 @@ The record is a file that others write (the ConfigMap `robot-updates`): what mak
 
 from __future__ import annotations
 
+import contextlib
 import json
-from dataclasses import asdict, dataclass, fields
-from typing import Any, Mapping
+from dataclasses import dataclass
+from typing import Mapping
 
-from .._common.documents import Data, Document
+from .._common.documents import Document
 from .families import Family, family
 
 FILE = "/etc/rosops-fleet/updates/updates.json"
@@ -20,61 +21,52 @@ RECENT = 600.0
 MAX_FILE = 1 << 20
 
 
+SAID = ("id", "app", "handoff", "outcome", "reason", "from", "to", "started", "finished", "phases", "busy_wait")
+
+
 @dataclass(frozen=True)
 class Update:
     """The latest one of an app. Times are in seconds since 1970, None where nobody knows them yet."""
 
-    id: str
-    app: str
-    handoff: str
-    outcome: str
-    reason: str
+    line: str  # of JSON, which is how an update gets into the logs
     before: str  # revisions
     after: str
     started: float | None
     finished: float | None
     busy_wait: float | None
     phases: Mapping[str, float]  # seconds
+    id: str
+    app: str
+    handoff: str
+    outcome: str
 
     @property
     def last(self) -> float:
         return self.finished or self.started or 0.0
 
-    def line(self) -> str:
-        """One line of JSON, which is how an update gets into the logs."""
-        told = {_WORDS.get(key, key): value for key, value in asdict(self).items()}
-        return json.dumps({"event": "update", **told}, sort_keys=True)
-
-
-_WORDS = {"before": "from", "after": "to"}  # as the record has it
-_NEEDED, _TIMES = ("id", "app", "handoff", "outcome"), ("started", "finished", "busy_wait")
-
 
 def parse(text: str) -> list[Update]:
     """The well-formed entries, one per app."""
     try:
-        content = json.loads(text)
-    except ValueError:
+        entries = list(json.loads(text)["updates"])
+    except (ValueError, KeyError, TypeError):
         return []
-    listed = content.get("updates") if isinstance(content, dict) else None
-    entries = [entry for entry in (listed if isinstance(listed, list) else ()) if isinstance(entry, dict)]
-    good = [entry for entry in entries if all(isinstance(entry.get(key), str) for key in _NEEDED)]
-    found = {entry["app"]: _update(entry) for entry in good}
+    found: dict[str, Update] = {}
+    for entry in entries:
+        with contextlib.suppress(AttributeError, KeyError, TypeError, ValueError):  # it is none
+            found[entry["app"]] = _update(entry)
     return [found[app] for app in sorted(found)]
 
 
 def _update(entry: Document) -> Update:
-    said = {one.name: entry.get(_WORDS.get(one.name, one.name)) for one in fields(Update)}
-    phases = said.pop("phases")
-    read = {str(name): _number(raw) for name, raw in phases.items()} if isinstance(phases, dict) else {}
-    known: Data = {
-        key: _number(value) if key in _TIMES else value if isinstance(value, str) else "" for key, value in said.items()
-    }
-    return Update(**known, phases={name: seconds for name, seconds in read.items() if seconds is not None})
+    def time(key: str) -> float | None:
+        return None if entry.get(key) is None else float(entry[key])
 
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+    texts = {key: str(entry[key]) for key in ("id", "app", "handoff", "outcome")}
+    phases = {str(name): float(seconds) for name, seconds in (entry.get("phases") or {}).items()}
+    sides = str(entry.get("from") or ""), str(entry.get("to") or "")
+    line = json.dumps({"event": "update", **{key: entry.get(key) for key in SAID}}, sort_keys=True)
+    return Update(line, *sides, time("started"), time("finished"), time("busy_wait"), phases, **texts)
 
 
 def families(updates: list[Update]) -> list[Family]:
@@ -117,4 +109,4 @@ class Updates:
         # only the latest: the record does not grow, and neither may this
         self.said = {(entry.id, entry.outcome) for entry in self.entries}
         first, self.began = not self.began, True
-        return [entry.line() for entry in new if not first or now - entry.last < RECENT]
+        return [entry.line for entry in new if not first or now - entry.last < RECENT]

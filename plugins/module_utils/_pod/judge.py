@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Judge the own nodes' part of the graph: is it wholly connected, and does it give what its predecessor gave?
 
-An app has one node, or all that its launch file starts: together they owe what the version before gave.
+An app has one node, or all that its launch file starts: together they owe what the version before gave. What a gate
+looks at, too, is judged by the gate's checks.
 
 Pure. `wait` is the verdict for everything that time may mend; `fail` is kept for what this revision itself
 contradicts.
@@ -10,14 +11,14 @@ contradicts.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Iterable, Mapping
+from typing import Iterable, Mapping, Sequence
 
 from .._common.poll import FAIL, PASS, WAIT
 from .._ros.backend import MasterState, Questions
-from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
-from .._ros.conditions import TopicCondition
-from .._ros.contract import Contract, Edge
-from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, Node, Rate, ServiceProbe, names_of
+from .._ros.checks import Check, check_edge, check_latched, check_node, check_service, check_topic, check_type
+from .._ros.conditions import EdgeCondition, TopicCondition
+from .._ros.contract import Contract, conditions
+from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, Node, ServiceProbe, names_of
 from .._ros.names import is_tool
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
@@ -46,57 +47,37 @@ def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
     return Questions({**dict.fromkeys(senders, frozenset({"bus"})), **whole}, services)
 
 
-@dataclass(frozen=True)
-class Gap:
-    """A connection that both ends are registered for and that is not there."""
+def gaps(graph: Graph, own: Sequence[str]) -> list[EdgeCondition]:
+    """The connections that both ends are registered for and that own nodes do not have yet; their peers may leave.
 
-    topic: str
-    node: str  # the own one
-    peer: str
-    role: str  # what the peer is to the topic: "subscriber" or "publisher"
-
-    @property
-    def edge(self) -> Edge:
-        """As a contract has it."""
-        publisher, subscriber = (self.peer, self.node) if self.role == "publisher" else (self.node, self.peer)
-        return publisher, self.topic, subscriber
-
-
-def gaps(graph: Graph, own: Iterable[str]) -> list[Gap]:
-    """What the own nodes are not connected to yet. Tools that somebody has open do not count.
-
-    A subscription counts when its publisher says so: the subscriber itself says it before any handshake.
+    Tools that somebody has open do not count. A subscription counts when its publisher says so: the subscriber itself
+    says it before any handshake.
     """
     found = []
-    for node in map(graph.node, own):
+    for node in [node for node in map(graph.node, own) if node.reachable]:
         for topic in node.publications:
             counted = [key for key in graph.topic(topic).subscribers if not is_tool(key.name)]
             told = graph.unreached(topic, node.key, counted)
             missing = counted if told is None else told
-            found += [Gap(topic, node.name, key.name, "subscriber") for key in missing]
+            found += [EdgeCondition(node.name, topic, key.name, "subscriber") for key in missing]
         for topic in node.subscriptions:
-            for key in graph.topic(topic).publishers if topic not in UNCOUNTED else ():
-                if not is_tool(key.name) and graph.unreached(topic, key, [node.key]) != []:
-                    found.append(Gap(topic, node.name, key.name, "publisher"))
+            others = [key for key in graph.topic(topic).publishers if key.name not in own and not is_tool(key.name)]
+            missing = [key for key in others if graph.unreached(topic, key, [node.key]) != []]
+            found += [EdgeCondition(key.name, topic, node.name, "publisher") for key in missing]
     return [gap for gap in found if gap.topic not in UNCOUNTED]
 
 
-def forgiven(gap: Gap, graph: Graph, wanted: Wanted, seconds: float) -> str:
-    """Why a connection that has been missing for so long need not be waited for; nothing where it has to be.
+def is_forgiven(gap: EdgeCondition, wanted: Wanted, seconds: float) -> bool:
+    """Whether a connection that has been missing for so long need not be waited for, though its peer lives.
 
-    `graph` has the peer as it was asked. A peer that lives and had the version before must have this one, too, however
-    long ago the connection began to be missing: it is the peer itself that has to be gone.
+    A peer that had the version before must have this one, too, however long ago the connection began to be missing.
     """
-    away = left(graph, gap.topic, gap.peer, gap.role)
-    if away:
-        return away
-    if wanted.contract and gap.edge not in wanted.contract.edges and seconds >= PATIENCE:
-        return f"{gap.peer} was not connected to the version before, and is not to this one"
-    return ""
+    edge = gap.publisher, gap.topic, gap.subscriber
+    return wanted.contract is not None and edge not in wanted.contract.edges and seconds >= PATIENCE
 
 
-def judge(graph: Graph, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Check]:
-    """All but rates and handshakes, which are read once all of this passes. `forgiving`: gaps that do not count."""
+def judge(graph: Graph, wanted: Wanted, awaited: Iterable[EdgeCondition]) -> list[Check]:
+    """All but rates and handshakes, which are read once all of this passes. `awaited`: the gaps that count."""
     nodes = [graph.node(name) for name in wanted.nodes]
     checks = [check_node(graph, node.name) for node in nodes]
     alive = [node for node in nodes if node.reachable]
@@ -104,42 +85,27 @@ def judge(graph: Graph, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Ch
         return checks
     if wanted.contract:
         checks += _promised(graph, alive, wanted.contract)
-    for own in alive:
-        if own.connections is None:
-            checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
-        lacking: dict[tuple[str, str], list[Gap]] = {}
-        for gap in gaps(graph, [own.name]):
-            lacking.setdefault((gap.topic, gap.role), []).append(gap)
-        checks += [_connected(graph, *one, forgiving) for one in lacking.items()]
-        checks += [_served(graph, own, name) for name in own.services]
-    return checks
+    untold = [node.name for node in alive if node.connections is None]
+    checks += [Check("node", name, WAIT, "it does not tell its connections") for name in untold]
+    checks += [check_edge(graph, gap) for gap in awaited]
+    return [*checks, *(_served(graph, own, name) for own in alive for name in own.services)]
 
 
 def _promised(graph: Graph, own: list[Node], contract: Contract) -> list[Check]:
-    typed = {**{topic: one.definition.type for topic, one in contract.topics.items()}, **contract.subscriptions}
-    checks = [_type(node, topic, wanted or ANY_TYPE) for node in own for topic, wanted in typed.items()]
+    checks = [check_topic(graph, one) for one in _topics(contract)]
+    for topic, wanted in contract.subscriptions.items():
+        told = [node.key for node in own if node.own_types.get(topic, ANY_TYPE) != ANY_TYPE]
+        if wanted and told:
+            checks.append(Check("topic", topic, *check_type(graph, graph.topic(topic), wanted, told)))
     return [*checks, _offered(graph, own, contract), *_together(graph, own, contract)]
 
 
-def _type(own: Node, topic: str, wanted: str) -> Check:
-    found = own.own_types.get(topic) or ANY_TYPE
-    if ANY_TYPE in (wanted, found) or wanted == found:
-        return Check("topic", topic, PASS, f"type {found}")
-    return Check("topic", topic, FAIL, f"this version has the type {found}, the one before had {wanted}")
-
-
 def _offered(graph: Graph, own: list[Node], contract: Contract) -> Check:
-    """Everything that the version before had registered; what a node of it published, by that very node."""
+    """What the version before had registered beside its topics."""
     names = {node.name for node in own}
-    published = {(name, node.name) for node in own for name in node.publications}
     subscribed = {name for node in own for name in node.subscriptions}
     served = {name for node in own for name in node.services}
     lacking = [f"does not start {name}" for name in contract.nodes if name not in names and len(contract.nodes) > 1]
-    lacking += [
-        f"does not publish {name}"
-        for name, one in contract.topics.items()
-        if not all((name, node) in published for node in one.publishers or names)
-    ]
     # without a publisher nobody has a reason to subscribe who takes whatever there is
     wanted = [name for name in contract.subscriptions if graph.topic(name).publishers]
     lacking += [f"does not subscribe to {name}" for name in wanted if name not in subscribed]
@@ -158,27 +124,8 @@ def _together(graph: Graph, own: list[Node], contract: Contract) -> Iterable[Che
     members, names = set(contract.members), {node.name for node in own}
     for publisher, topic, subscriber in contract.edges:
         ends = {publisher, subscriber}
-        if ends & names and ends <= members and not graph.topic(topic).connects(publisher, subscriber):
-            here, other = (publisher, subscriber) if publisher in names else (subscriber, publisher)
-            yield Check("topic", topic, WAIT, f"{here} not connected to {other}, which is updated together with it")
-
-
-def _connected(graph: Graph, end: tuple[str, str], lacking: list[Gap], forgiving: Mapping[Gap, str]) -> Check:
-    """Of a topic, and of what the own node is not connected to there: its subscribers, or its publishers."""
-    topic, role = end
-    waiting = [gap for gap in lacking if not forgiving.get(gap)]
-    if not waiting:
-        return Check("topic", topic, PASS, f"passes, though {listed(forgiving[gap] for gap in lacking)}")
-    missing, registered = listed(_told(graph, gap.peer) for gap in waiting), len(graph.topic(topic).subscribers)
-    if role == "publisher":
-        return Check("topic", topic, WAIT, f"not connected to its publishers: missing {missing}")
-    reason = f"{registered - len(lacking)} of {count(registered, 'subscriber')} connected: missing {missing}"
-    return Check("topic", topic, WAIT, reason)
-
-
-def _told(graph: Graph, name: str) -> str:
-    node = graph.node(name)
-    return f"{name} ({node.error})" if node.asked and not node.reachable else name
+        if ends & names and ends <= members:
+            yield check_edge(graph, EdgeCondition(publisher, topic, subscriber))
 
 
 def _served(graph: Graph, own: Node, name: str) -> Check:
@@ -210,42 +157,19 @@ def check_sums(graph: Graph, contract: Contract | None, found: Mapping[str, Hand
                 what = f"definition of {definition.type or 'its type'}"
                 reason = f"this version's {what} has the md5sum {new}, the one before had {old}"
                 checks.append(Check(kind, name, FAIL, reason))
-    reason = "this version does not latch its messages, the one before did"
-    for name, said in found.items():
-        before = contract.topics[name]
-        if before.publishers.get(said.publisher.name, before.first).latched and not said.latching:
-            checks.append(Check("topic", name, FAIL, reason))
-    return checks
+    latched = [(one, found[one.name]) for one in _topics(contract) if one.latched and one.name in found]
+    return [*checks, *(check_latched(one, said) for one, said in latched if said.publisher.name == one.publisher)]
 
 
-def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:
-    """Own topic and node -> messages per second that it has to carry; the higher of what is promised and recorded.
-
-    What is promised of a topic that several of them publish is owed by all together: the node is empty then.
-    """
-    found: dict[tuple[str, str], float] = {}
-    publishing: dict[str, list[str]] = {}
-    for node in own:
-        for topic in node.publications:
-            publishing.setdefault(topic, []).append(node.name)
-    for topic, nodes in publishing.items():
-        promised = wanted.min_rates.get(topic, 0.0)
-        found.update({(topic, node): _recorded(wanted.contract, topic, node) for node in nodes})
-        whose = nodes[0] if len(nodes) == 1 else ""
-        found[topic, whose] = max(promised, found.get((topic, whose), 0.0))
-    return {key: hz for key, hz in found.items() if hz}
+def rated(own: Sequence[Node], wanted: Wanted) -> list[TopicCondition]:
+    """The rates of the own nodes' topics: each node owes what it gave before, all together what is promised."""
+    mine = {(topic, node.name) for node in own for topic in node.publications}
+    promised = {topic: wanted.min_rates[topic] for topic, _node in mine if topic in wanted.min_rates}
+    before = [one for one in _topics(wanted.contract) if (one.name, one.publisher) in mine]
+    together = (TopicCondition(topic, min_rate=hz) for topic, hz in sorted(promised.items()))
+    return [one for one in (*before, *together) if one.min_rate]
 
 
-def _recorded(contract: Contract | None, topic: str, node: str) -> float:
-    if contract is None or topic not in contract.topics:
-        return 0.0
-    there = contract.topics[topic]
-    sent = (there.publishers or {node: there.first}).get(node)
-    return sent.least_rate(contract.tolerance) if sent else 0.0
-
-
-def check_rates(least: Mapping[tuple[str, str], float], rates: Mapping[str, Rate]) -> list[Check]:
-    return [
-        check_rate(TopicCondition(topic, min_rate=hz, publisher=node or None), rates.get(topic))
-        for (topic, node), hz in least.items()
-    ]
+def _topics(contract: Contract | None) -> list[TopicCondition]:
+    """What each node owes of its topics."""
+    return [TopicCondition(**one) for one in conditions(contract)["topics"]] if contract else []

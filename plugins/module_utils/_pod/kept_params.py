@@ -44,12 +44,12 @@ class Source:
 
 @dataclass(frozen=True)
 class Space:
-    """The namespace in which the node of one version is, with names relative to it. `keep`: private names alone."""
+    """The namespace in which the node of one version is."""
 
     own: str
     version: str
-    tree: Values  # its parameters
-    registered: Collection[str]  # its nodes
+    tree: Values  # what of the server's is known
+    registered: Collection[str]  # nodes
 
     @property
     def base(self) -> str:
@@ -61,6 +61,12 @@ class Space:
         return f"{self.base}_{self.version}{_PLACE}"
 
     @property
+    def names(self) -> list[str]:
+        """What has parameters in it, by whole names."""
+        parent, slash, _own = self.own.rpartition("/")
+        return [f"{parent}{slash}{name}" for name in value_at(self.tree, parent) or ()]
+
+    @property
     def at_work(self) -> list[str]:
         return [name for name in self._versions(self.registered) if name != self.own]
 
@@ -69,12 +75,12 @@ class Space:
 
     def source(self) -> Source:
         """The version at work comes first. This one may have been there before, if only as a container that ended."""
-        nodes, base = self._versions(self.tree), self.base
+        nodes, base = self._versions(self.names), self.base
         if self.at_work:
             return Source(next((name for name in self.at_work if name in nodes), ""))
         if self.own != base and self.own in nodes:
             return Source(self.own)
-        places = self._versions(name[: -len(_PLACE)] for name in self.tree if name.endswith(_PLACE))
+        places = self._versions(name[: -len(_PLACE)] for name in self.names if name.endswith(_PLACE))
         left = [name for name in nodes if name not in (self.own, base)]
         for root in (f"{name}{_PLACE}/{_VALUES}" for name in places if name != base):
             if value_at(self.tree, root) and not _below(root, self.place):
@@ -87,7 +93,7 @@ class Space:
         return Source(doubt=why if left else "")
 
     def found(self, keep: Iterable[str], source: Source) -> Values:
-        """Whole name, but for the namespace, -> value of these: as this version left them, or the source."""
+        """Whole name -> value of these: as this version left them, or the source; or as everybody has them."""
         roots = [f"{self.place}/{_VALUES}", *([source.root] if source.root else [])]
         found = {full(name, self.own): [value_at(self.tree, full(name, root)) for root in roots] for name in keep}
         there = {name: [value for value in values if value is not None] for name, values in found.items()}
@@ -95,7 +101,7 @@ class Space:
 
     def spent(self, keep: Iterable[str], source: Source) -> list[str]:
         """What need not be left any longer, once this version has it."""
-        spent = [self.place] if self.place in self.tree else []
+        spent = [self.place] if self.place in self.names else []
         if not source.over:
             return spent
         node, is_place, _rest = source.root.partition(f"{_PLACE}/")

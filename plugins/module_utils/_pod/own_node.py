@@ -18,6 +18,7 @@ from typing import Iterable, Iterator, Mapping, Sequence
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
+from .._ros import registrations
 from .._ros.backend import MasterState, Questions
 from .._ros.client import Ros1Client
 from .._ros.graph import Service, StatusReading, host_of, names_of
@@ -157,12 +158,8 @@ class OwnNode:
     def unregister(self, seconds: float = TIMEOUT) -> None:
         """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
         ros = ros_of(os.environ, seconds / 2)  # a question, and what follows from it
-        state = ros.state()
-        name, uri, has = self.name, self.uri, state.graph.node(self.name)
-        calls = [("unregisterService", name, *one) for one in self.services.items() if one[0] in state.services]
-        calls += [("unregisterPublisher", name, topic, uri) for topic in has.publications]
-        calls += [("unregisterSubscriber", name, topic, uri) for topic in has.subscriptions]
-        ros.calls(calls)
+        has = registrations.from_master(ros.state(), {self.name: self.uri}, self.services)
+        ros.calls([call.request for call in registrations.remove(has, [])])
 
     def forget(self, seconds: float = TIMEOUT) -> None:
         forget(self.settings, seconds)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Iterable, Mapping, Sequence
+from typing import Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
 from .._ros.client import Ros1Client
 from .._ros.rpc import Request
-from .kept_params import PRIVATE, Space, Values, full, merge
+from .kept_params import PRIVATE, Space, Values, full, merge, tree_of
 from .state import CALLER, Settings, load_settings, ros_of
 
 SECONDS = 5.0  # for the master
@@ -47,9 +47,9 @@ def forget(settings: Settings, seconds: float) -> None:
     left: Values = {}
     if keep:
         seconds /= 2  # a question, and what follows from it
-        space, _public = _look(ros_of(os.environ, seconds), node, settings.version, [])
-        names.append(_whole(space.place, node))
-        left = {_whole(name, node): value for name, value in space.left(keep).items()}
+        space = _look(ros_of(os.environ, seconds), settings, keep)
+        names.append(space.place)
+        left = space.left(keep)
     if names:
         ros_of(os.environ, seconds).calls(_change(names, left))
 
@@ -58,18 +58,11 @@ def _change(gone: Iterable[str], values: Values) -> list[Request]:
     return [*(("deleteParam", CALLER, name) for name in gone), *(("setParam", CALLER, *one) for one in values.items())]
 
 
-def _whole(name: str, node: str) -> str:
-    """The whole name of what stands in the node's namespace."""
-    return f"{node.rpartition('/')[0]}/{name}"
-
-
 def _with_kept(given: Values, settings: Settings, ros: Ros1Client) -> tuple[Values, list[str]]:
     """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
-    node, keep = settings.node, [name for name in settings.keep_params if name.startswith(PRIVATE)]
-    space, public = _look(ros, node, settings.version, [name for name in settings.keep_params if name not in keep])
+    space = _look(ros, settings, settings.keep_params)
     source = space.source()
-    found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
-    merged = merge(given, {**public, **found}, node)
+    merged = merge(given, space.found(settings.keep_params, source), settings.node)
     for words in (
         source.doubt,
         f"kept as they were, not as params say: {', '.join(merged.kept)}" if merged.kept else "",
@@ -77,21 +70,21 @@ def _with_kept(given: Values, settings: Settings, ros: Ros1Client) -> tuple[Valu
     ):
         if words:
             sys.stderr.write(f"rosops.fleet: {words}\n")
-    taken = [name for name in keep if merged.takes(full(name, node))]
-    claim = {_whole(name, node): value for name, value in space.claim(taken).items()}
-    return {**merged.values, **claim}, [_whole(name, node) for name in space.spent(taken, source)]
+    private = [name for name in settings.keep_params if name.startswith(PRIVATE)]
+    taken = [name for name in private if merged.takes(full(name, settings.node))]
+    return {**merged.values, **space.claim(taken)}, space.spent(taken, source)
 
 
-def _look(ros: Ros1Client, node: str, version: str, public: Sequence[str]) -> tuple[Space, Values]:
-    """The node's namespace as the server has it, and those of these parameters that are there."""
-    parent, _slash, own = node.rpartition("/")
-    names = [parent or "/", *public]
+def _look(ros: Ros1Client, settings: Settings, keep: Iterable[str]) -> Space:
+    """The node's namespace as the server has it, and what of these is everybody's."""
+    parent = settings.node.rpartition("/")[0]
+    names = [parent or "/", *(name for name in keep if not name.startswith(PRIVATE))]
     state, *values = ros.calls([("getSystemState", CALLER), *(("getParam", CALLER, name) for name in names)])
     for result in (state, *values):
         if isinstance(result, RosError) and (result is state or not isinstance(result, RefusalError)):
             raise result  # a refusal to tell a parameter: there is none
-    tree, *values = [None if isinstance(value, RosError) else value for value in values]
-    nodes = [name.rpartition("/") for name in ros.state_of(state).nodes()]
-    registered = [name for where, _slash, name in nodes if where == parent]
-    space = Space(own, version, tree if isinstance(tree, dict) else {}, registered)
-    return space, {name: value for name, value in zip(public, values) if value is not None}
+    found = {name: value for name, value in zip(names, values) if not isinstance(value, RosError)}
+    space = found.pop(names[0], {})
+    inside = space.items() if isinstance(space, dict) else ()
+    tree = tree_of({**found, **{f"{parent}/{name}": value for name, value in inside}})
+    return Space(settings.node, settings.version, tree, ros.state_of(state).nodes())

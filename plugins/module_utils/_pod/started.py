@@ -18,16 +18,17 @@ from typing import Any, Callable, Collection, Iterable, Mapping, Sequence
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend, MasterState, Questions
-from .._ros.checks import Check
+from .._ros.checks import Check, check_rate
 from .._ros.client import Ros1Client
+from .._ros.conditions import Conditions, EdgeCondition
 from .._ros.contract import Contract, Intended, record
-from .._ros.gate import Silence, rate_window
+from .._ros.gate import Silence, rate_plan
 from .._ros.graph import Graph, Node, host_of
 from .._ros.names import by_pod, by_revision, is_tool, is_version, stem
 from .._ros.roslaunch import Child, children, crash
 from .._step.record import Record, record_of
 from .._step.words import CONTRACT, HOPELESS
-from .judge import UNCOUNTED, Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
+from .judge import UNCOUNTED, Wanted, check_sums, first_questions, gaps, is_forgiven, judge, rated
 from .launch import MANAGER, named
 from .own_node import is_here, names_here, places, service_uris
 from .state import Settings, State, load_settings, load_state, ros_of, save_state
@@ -57,7 +58,7 @@ def main(_words: list[str]) -> int:
     return 1 if reason else 0
 
 
-def introduce(ros: Ros1Client, subscribers: Mapping[Gap, Node]) -> None:
+def introduce(ros: Ros1Client, subscribers: Mapping[EdgeCondition, Node]) -> None:
     """Tell the subscriber of each gap who publishes its topic."""
     # hardly a call needs them, and the kubelet makes one every second as long as a pod starts
     from .._ros.registrar import Registrar  # noqa: PLC0415
@@ -79,7 +80,7 @@ class Outside:
     is_here: Callable[[str], bool]  # whether the address is one of this pod
     places: Callable[[MasterState], Mapping[str, str]]  # the same of all nodes that may be the app's
     children: Callable[[Collection[str]], Iterable[Child]]  # what roslaunch at these addresses started
-    introduce: Callable[[Mapping[Gap, Node]], None]  # tell the subscriber of each gap who publishes its topic
+    introduce: Callable[[Mapping[EdgeCondition, Node]], None]  # tell the subscriber of each gap who publishes its topic
     owed: Callable[[], Owed]
     keep: Callable[[str, State], object]  # where the node is, once it is found
     # the graph with what these nodes of versions before send, for whoever has the time to listen
@@ -152,8 +153,8 @@ class Starting:
         self.unregistered = False  # by the last look: the master answers, and knows none of the own nodes
         self.registered: Any = None
         self.since = 0.0
-        self.missing: dict[Gap, float] = {}  # since when
-        self.introduced: set[Gap] = set()
+        self.missing: dict[EdgeCondition, float] = {}  # since when
+        self.introduced: set[EdgeCondition] = set()
         self.silence = Silence(self.now)
         self.fallen: list[Check] = []  # as it was at this moment
         self.fallen_at: float | None = None
@@ -191,9 +192,10 @@ class Starting:
             node = elsewhere[0]
             return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
         graph = self.silence.noted(self._peers(state, graph, found), began)
-        forgiving = self._forgiving(graph, wanted)
+        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(graph, found)}
         self._introduce(graph)
-        checks = judge(graph, wanted, forgiving)
+        awaited = [gap for gap, since in self.missing.items() if not is_forgiven(gap, wanted, self.now() - since)]
+        checks = judge(graph, wanted, awaited)
         checks += self._settled(own) if not (owed.contract or self.settings.command) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
@@ -280,18 +282,14 @@ class Starting:
             self.fallen_at = self.now()
         return self.fallen
 
-    def _peers(self, state: MasterState, graph: Graph, own: Iterable[str]) -> Graph:
+    def _peers(self, state: MasterState, graph: Graph, own: Sequence[str]) -> Graph:
         """The graph with the answers of those that the own nodes are not connected to."""
-        unasked = {gap.peer for gap in gaps(graph, own) if not graph.node(gap.peer).asked}
+        ends = {end for gap in gaps(graph, own) for end in (gap.publisher, gap.subscriber)}
+        unasked = {name for name in ends if not graph.node(name).asked}
         if not unasked:
             return graph
         answers = self.ros.ask(state, Questions({name: frozenset() for name in unasked}))
         return graph.answered(map(answers.node, unasked))
-
-    def _forgiving(self, graph: Graph, wanted: Wanted) -> Mapping[Gap, str]:
-        """The connections that are not there and are not waited for, each with the reason."""
-        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(graph, wanted.nodes)}
-        return {gap: forgiven(gap, graph, wanted, self.now() - since) for gap, since in self.missing.items()}
 
     def _introduce(self, graph: Graph) -> None:
         """Tell subscribers that are still not connected who publishes their topic, as the master did; once in a call.
@@ -300,7 +298,7 @@ class Starting:
         publishers from the master's answer for newer than the one that the master sent meanwhile.
         """
         late = [gap for gap, since in self.missing.items() if self.now() - since >= MISSED]
-        nodes = {gap: graph.node(gap.edge[2]) for gap in late if gap not in self.introduced}
+        nodes = {gap: graph.node(gap.subscriber) for gap in late if gap not in self.introduced}
         due = {gap: node for gap, node in nodes.items() if node.reachable}
         self.introduced.update(due)
         if due:
@@ -319,12 +317,10 @@ class Starting:
         alone = graph.published_by(mine)
         promised = [name for name in (wanted.contract.topics if wanted.contract else ()) if mine.get(name)]
         checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
-        least = least_rates(own, wanted)
-        if least and not checks:
-            seconds: dict[str, float] = {}
-            for (topic, _node), hz in least.items():  # as long as the slowest of them asks for
-                seconds[topic] = max(rate_window(hz), seconds.get(topic, 0.0))
-            checks += check_rates(least, self.ros.rates(alone, seconds))
+        rates = rated(own, wanted)
+        if rates and all(check.verdict == PASS for check in checks):
+            counted = self.ros.rates(alone, rate_plan(Conditions(topics=tuple(rates)))[0])
+            checks += [check_rate(one, counted.get(one.name)) for one in rates]
         return checks
 
 

@@ -64,7 +64,7 @@ def _turned(part: Registrations) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class Questions:
-    """What one look has to find out. `nodes`: node -> what to ask beside its process id ("bus", "types")."""
+    """What one look has to find out. `nodes`: node -> what to ask beside its process id ("bus", "types", "stats")."""
 
     nodes: Mapping[str, frozenset[str]] = field(default_factory=dict)
     services: tuple[str, ...] = ()

@@ -149,7 +149,7 @@ def _check_number(graph: Graph, what: str, keys: Iterable[NodeKey], least: int) 
     return (PASS if len(alive) >= least else WAIT), reason
 
 
-def _check_type(graph: Graph, topic: Topic, wanted: str, keys: Iterable[NodeKey]) -> tuple[str, str]:
+def check_type(graph: Graph, topic: Topic, wanted: str, keys: Iterable[NodeKey]) -> tuple[str, str]:
     """A living node's own word counts; the master may still know the type of one that is gone."""
     alive, _dead = living(graph, keys)
     claims = {key: graph.at(key).own_types.get(topic.name, "") for key in alive}
@@ -160,15 +160,6 @@ def _check_type(graph: Graph, topic: Topic, wanted: str, keys: Iterable[NodeKey]
     if claims or topic.type == wanted:
         return PASS, f"type {wanted}"
     return WAIT, f"the type is {topic.type or 'not known'} to the master, not {wanted}"
-
-
-def _check_publisher(graph: Graph, topic: Topic, name: str) -> tuple[str, str]:
-    if name not in names_of(topic.publishers):
-        return WAIT, f"{name} does not publish it"
-    node = graph.node(name)
-    if not node.reachable:
-        return WAIT, f"its publisher {name} is registered, but down: {node.error or 'not asked'}"
-    return PASS, f"published by {name}"
 
 
 def _counted(keys: Sequence[NodeKey]) -> Sequence[NodeKey]:
@@ -222,10 +213,11 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     observed: Data = {"type": topic.type, **ends}
     whose = graph.node(wanted.publisher).key if wanted.publisher else None
     if wanted.publisher:
-        parts.append(_check_publisher(graph, topic, wanted.publisher))
+        away = _unseen(graph, wanted.name, wanted.publisher, "publisher")
+        parts.append((WAIT, away) if away else (PASS, f"published by {wanted.publisher}"))
     if wanted.type:
         keys = [whose] if whose else [*topic.publishers, *topic.subscribers]
-        parts.append(_check_type(graph, topic, wanted.type, keys))
+        parts.append(check_type(graph, topic, wanted.type, keys))
     least = wanted.publishers
     if least is None and wanted.subscribers is None and not wanted.connected and not wanted.publisher:
         least = 1
@@ -273,18 +265,8 @@ def check_latched(wanted: TopicCondition, said: Handshake | None) -> Check:
     return Check("latched", wanted.name, FAIL, f"{said.publisher} publishes it without latching", observed)
 
 
-def left(graph: Graph, topic: str, name: str, role: str) -> str:
-    """Why a node is no end of a topic's connections any more, or nothing. `role`: "publisher" or "subscriber".
-
-    The same nodes are forgiven before a version takes over and afterwards.
-    """
-    node = graph.node(name)
-    late = bool(graph.named(name)) and not node.reachable and not node.gone
-    return "" if late else _unseen(graph, topic, name, role)
-
-
 def _unseen(graph: Graph, topic: str, name: str, role: str) -> str:
-    """The same of this one look, in which it may only have been late."""
+    """Why a look shows a node as no end of a topic's connections, or nothing. `role`: "publisher" or "subscriber"."""
     node, found = graph.node(name), graph.topic(topic)
     if not graph.named(name):
         return f"{name} is not registered with the master"
@@ -297,14 +279,14 @@ def _unseen(graph: Graph, topic: str, name: str, role: str) -> str:
 
 def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
     """A connection by its publisher's word. Where an end is gone that may leave by itself, nothing is left to ask."""
-    name, ends = str(wanted), (wanted.publisher, wanted.subscriber)
-    if graph.topic(wanted.topic).connects(*ends):
+    name, ends = str(wanted), {"publisher": wanted.publisher, "subscriber": wanted.subscriber}
+    if graph.topic(wanted.topic).connects(wanted.publisher, wanted.subscriber):
         return Check("edge", name, PASS, "connected", {"connected": True})
-    roles = {"publisher": wanted.publisher, "subscriber": wanted.subscriber}
-    away = {role: why for role, end in roles.items() if (why := _unseen(graph, wanted.topic, end, role))}
-    peer_left = left(graph, wanted.topic, roles[wanted.peer], wanted.peer) if wanted.peer else ""
-    if peer_left:
-        why = f"passes unconnected, as its peer left: {peer_left}"
+    away = {role: why for role, end in ends.items() if (why := _unseen(graph, wanted.topic, end, role))}
+    peer = graph.node(ends.get(wanted.peer, ""))
+    # one that does not answer may only be late
+    if wanted.peer in away and (peer.reachable or peer.gone or not graph.named(peer.name)):
+        why = f"passes unconnected, as its peer left: {away[wanted.peer]}"
         return Check("edge", name, PASS, why, {"connected": False})
     publisher = graph.node(wanted.publisher)
     if away:
@@ -313,5 +295,5 @@ def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
         reason = _unknown(graph, publisher.key)
     else:
         reason = f"{wanted.subscriber} is not connected to {wanted.publisher}"
-    silent = [end for end in ends if not graph.node(end).reachable]
+    silent = [end for end in ends.values() if not graph.node(end).reachable]
     return Check("edge", name, WAIT, reason, {"connected": False, "silent": silent})

@@ -13,10 +13,11 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 from .._common.documents import Data
 from .._common.errors import RosError
 from .backend import MasterState, Questions
+from .bus_stats import Stats, stats
 from .graph import BUSY_STATES, Graph, Handshake, NodeKey, Rate, ServiceProbe, StatusReading
 from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris
-from .rpc import Api, Deadline, Master, in_parallel, reason
+from .rpc import MAX_THREADS, Api, Deadline, Master, in_parallel, reason
 from .streams import Opened, count_messages, greet, read_states, subscribe, subscribe_status
 
 ROS_ARGS: dict[str, Data] = {
@@ -29,6 +30,12 @@ REFUSED_PAUSE = 0.05
 
 class Ros1Client(Master):
     """One ROS 1 graph, asked through its master: the `Backend` for ROS 1."""
+
+    at_once = MAX_THREADS  # peers that are asked at the same time
+    statuses = 2  # messages that are read of an action server
+
+    def noted(self, key: tuple[str, ...], error: BaseException) -> None:
+        """What went wrong with one question."""
 
     # ---- one look at nodes, services and actions
 
@@ -49,6 +56,7 @@ class Ros1Client(Master):
                 tasks["status", name, server] = partial(self.status, name, uris[server])
 
         def failed(key: Any, error: BaseException) -> Any:
+            self.noted(key, error)
             found = service_uris[key[1]] if key[0] == "service" else uris[key[-1]]
             where = found if isinstance(found, str) else ""
             why, refused = reason(error, where or self.uri, self.timeout), isinstance(error, ConnectionRefusedError)
@@ -56,7 +64,7 @@ class Ros1Client(Master):
                 return NodeAnswer(where, error=why, refused=refused)
             return ServiceProbe(where, error=why) if key[0] == "service" else StatusReading((), why, refused)
 
-        results = in_parallel(tasks, self.timeout, failed)
+        results = in_parallel(tasks, self.timeout, failed, self.at_once)
         return build(
             state,
             {name: results["node", name] for name in wanted.nodes},
@@ -78,10 +86,19 @@ class Ros1Client(Master):
             return NodeAnswer(
                 uri,
                 pid,
-                bus=api.optional("getBusInfo") if "bus" in asked else None,
+                bus=api.optional("getBusInfo", partial(self.noted, ("bus", uri))) if "bus" in asked else None,
                 publications=api.optional("getPublications") if "types" in asked else None,
                 subscriptions=api.optional("getSubscriptions") if "types" in asked else None,
+                stats=self._stats(api, uri) if "stats" in asked else None,
             )
+
+    def _stats(self, api: Api, uri: str) -> Stats | None:
+        """What a node has counted; it lives, whatever becomes of that."""
+        try:
+            return stats(api.raw("getBusStats", self.caller))
+        except Exception as error:  # whatever an untrusted peer provokes is that peer's result
+            self.noted(("stats", uri), error)
+            return None
 
     def _service(self, name: str, uri: Any) -> ServiceProbe:
         reply = greet(name, _address(uri), self.caller, Deadline(self.timeout))
@@ -92,7 +109,7 @@ class Ros1Client(Master):
         readings: list[tuple[int, ...]] = []
         try:
             with subscribe_status(action, _address(uri), self.caller, Deadline(self.timeout)) as sock:
-                while len(readings) < 2:
+                while len(readings) < self.statuses:
                     readings.append(read_states(sock))
                     if BUSY_STATES.intersection(readings[-1]):
                         break

@@ -204,12 +204,14 @@ class _Reader:
         if not (self.space == "/" or _NAME.match(self.space.rstrip("/"))):
             self.errors.append(f"namespace: {self.space!r} is not a ROS name")
         for option, (least, unit) in _LEAST.items():
-            value = params.get(option)
-            if value is not None and not (math.isfinite(value) and value >= least):
-                self.errors.append(f"{option}: {value} is not at least {least:g}{unit}")
+            self.number(option, params.get(option), least, unit)
         stable = params.get("stable")
         if stable and self.timeout is not None and math.isfinite(stable) and stable > self.timeout >= 0:
             self.errors.append(f"stable: {stable} s do not fit into the timeout of {self.timeout} s")
+
+    def number(self, path: str, value: Any, least: float = 0.0, unit: str = "") -> None:
+        if value is not None and not (math.isfinite(value) and value >= least):
+            self.errors.append(f"{path}: {value} is not at least {least:g}{unit}")
 
     def name(self, path: str, name: Any) -> str:
         if isinstance(name, str) and _NAME.match(name):
@@ -228,8 +230,7 @@ class _Reader:
         if item.get("type") and not _TYPE.match(item["type"]):
             self.errors.append(f"{path}.type: {item['type']!r} is not a message type (package/Type)")
         for key in ("publishers", "subscribers", "min_rate"):
-            if item.get(key) is not None and not (math.isfinite(item[key]) and item[key] >= 0):
-                self.errors.append(f"{path}.{key}: {item[key]} is not at least 0")
+            self.number(f"{path}.{key}", item.get(key))
         names = {"name": self.name(f"{path}.name", item.get("name"))}
         if item.get("publisher"):
             names["publisher"] = self.name(f"{path}.publisher", item["publisher"])
@@ -256,7 +257,8 @@ class _Reader:
             self.errors.append(f"{path}.field: {field!r} {told}")
         if bounds and not field:
             self.errors.append(f"{path}.field: is missing; {' and '.join(bounds)} is said of one field")
-        for key in ("above", "below", "tolerance", *SPANS):
+        self.number(f"{path}.tolerance", item.get("tolerance"))
+        for key in ("above", "below", *SPANS):
             if item.get(key) is not None and not math.isfinite(item[key]):
                 self.errors.append(f"{path}.{key}: {item[key]} is not a finite number")
         for key in spans:
@@ -264,7 +266,5 @@ class _Reader:
                 self.errors.append(f"{path}.{key}: {given[key]} is not above 0 s")
             elif self.timeout is not None and given[key] > self.timeout:
                 self.errors.append(f"{path}.{key}: {given[key]} s do not fit into the timeout of {self.timeout} s")
-        tolerance = item.get("tolerance") or 0.0
-        if tolerance < 0:
-            self.errors.append(f"{path}.tolerance: {tolerance} is not at least 0")
-        return ValueCondition(self.name(f"{path}.topic", item.get("topic")), field, **given, tolerance=tolerance)
+        given["tolerance"] = item.get("tolerance") or 0.0
+        return ValueCondition(self.name(f"{path}.topic", item.get("topic")), field, **given)

@@ -103,20 +103,19 @@ class Definition:
 
 @dataclass(frozen=True)
 class Published:
-    """`first` is what the first of the app's nodes sent, the only one that contracts before 1.0 have."""
+    """A topic, and what each of the app's nodes sent on it."""
 
     definition: Definition = field(default_factory=Definition)
-    first: Sent = field(default_factory=Sent)
     publishers: Mapping[str, Sent] = field(default_factory=dict)
 
     def as_dict(self) -> Data:
         publishers = {node: sent.as_dict() for node, sent in self.publishers.items()}
-        return {**self.definition.as_dict(), **self.first.as_dict(), "publishers": publishers}
+        return {**self.definition.as_dict(), "publishers": publishers}
 
     @classmethod
     def from_dict(cls, data: Document) -> Published:
         publishers = {node: Sent.from_dict(one) for node, one in (data.get("publishers") or {}).items()}
-        return cls(Definition.from_dict(data), Sent.from_dict(data), publishers)
+        return cls(Definition.from_dict(data), publishers)
 
 
 @dataclass(frozen=True)
@@ -197,7 +196,7 @@ class Contract:
         def asked(name: str, one: Published) -> Published:
             hz = intended.rate(renamed(name, renames))
             publishers = {node: replace(sent, least=hz) for node, sent in one.publishers.items()}
-            return one if hz is None else replace(one, first=replace(one.first, least=hz), publishers=publishers)
+            return one if hz is None else replace(one, publishers=publishers)
 
         return replace(
             self,
@@ -307,7 +306,8 @@ def as_before(graph: Graph, nodes: Sequence[str], earlier: Contract) -> Graph:
     for name, topic in graph.topics.items():
         known = next((part.topics[name] for part in earlier.parts if name in part.topics), Published())
         sent = {key: hz for key, hz in topic.unsteady.items() if key.name in nodes}
-        owed = {key: known.publishers.get(key.name, known.first).rate or 0.0 for key in sent}
+        first = next(iter(known.publishers.values()), Sent())  # for a node that was called otherwise
+        owed = {key: known.publishers.get(key.name, first).rate or 0.0 for key in sent}
         rates = {key: min(owed[key], hz) for key, hz in sent.items() if owed[key] and hz >= LEAST_SHARE * owed[key]}
         topics[name] = replace(topic, rates={**topic.rates, **rates}) if rates else topic
     return replace(graph, topics=topics)
@@ -372,9 +372,8 @@ class _Recorder:
             own = sorted(self.own(topic.publishers), key=lambda key: key in topic.rates)
             publishers = {key.name: self.sent(topic, key) for key in own}
             if publishers:
-                of_first = publishers.get(self.nodes[0]) or next(iter(publishers.values()))
                 carried = Definition() if self.inside(topic) else Definition(known(topic.type), known(topic.md5sum))
-                found[name] = Published(carried, of_first, publishers)
+                found[name] = Published(carried, publishers)
         return found
 
     def sent(self, topic: Topic, key: NodeKey) -> Sent:

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
+from typing import TYPE_CHECKING, Any, Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
 from urllib.parse import urlsplit
 
 from .names import by_revision, is_meant
+
+if TYPE_CHECKING:  # it reads replies, of which graphs are made
+    from .bus_stats import Stats
 
 ANY_TYPE = "*"  # what a node says that takes any message type
 PARTS = ("publications", "subscriptions", "services")  # of a node, by name
@@ -127,7 +130,7 @@ class Connection:
 
     The peer of an outgoing one is the subscriber's node name; of an incoming one the publisher's URI. Only the outgoing
     ones say that messages flow: both client libraries report an incoming one as connected before any handshake.
-    `info` is what the client library says of it in words, its sockets' addresses among them.
+    `info` is what the client library says of it in words, its sockets' addresses among them; `number` is the node's.
     """
 
     topic: str
@@ -136,6 +139,7 @@ class Connection:
     transport: str
     connected: bool
     info: str = field(default="", compare=False)
+    number: int = field(default=-1, compare=False)
 
 
 @dataclass(frozen=True)
@@ -152,6 +156,7 @@ class Node:
     connections: tuple[Connection, ...] | None = None  # None: not asked, or no answer
     refused: bool = False  # nothing listens at its address
     silent: float = 0.0  # seconds for which it has answered in no look (silence.Silence)
+    stats: Stats | None = None  # None: not asked, or not told
 
     @property
     def key(self) -> NodeKey:

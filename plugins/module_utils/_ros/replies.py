@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import xmlrpc.client
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
 from xml.parsers import expat
 
 from .._common.errors import RefusalError, RosError
 from .backend import MasterState
 from .graph import Connection, Graph, Node, NodeKey, ServiceProbe, StatusReading
+
+if TYPE_CHECKING:
+    from .bus_stats import Stats
 
 DIGITS = 20  # of the least number of 64 bits, with its sign
 
@@ -65,6 +68,7 @@ class NodeAnswer:
     publications: Any = None
     subscriptions: Any = None
     refused: bool = False  # nothing listens at its address: it is dead, where one that is late may only be busy
+    stats: Stats | None = None
 
 
 def unwrap(reply: Any) -> Any:
@@ -115,7 +119,8 @@ def connections(raw: Any) -> tuple[Connection, ...]:
         if all(isinstance(value, str) for value in (peer, direction, transport, topic)):
             connected = bool(row[5]) if len(row) > 5 else True
             info = row[6] if len(row) > 6 and isinstance(row[6], str) else ""
-            found.append(Connection(topic, peer, direction, transport, connected, info))
+            number = row[0] if isinstance(row[0], int) else -1
+            found.append(Connection(topic, peer, direction, transport, connected, info, number))
     return tuple(found)
 
 
@@ -135,7 +140,7 @@ def _node(state: MasterState, name: str, answer: NodeAnswer, doubtful: bool) -> 
         pid, error = None, f"another node answers at {answer.uri}: a stale registration"
     bus = connections(answer.bus) if pid is not None and answer.bus is not None else None
     said = replace(has, uri=answer.uri, pid=pid, asked=True, error=error, refused=answer.refused)
-    return replace(said, own_types=own, connections=bus)
+    return replace(said, own_types=own, connections=bus, stats=answer.stats)
 
 
 def build(

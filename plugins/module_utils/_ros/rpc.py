@@ -249,11 +249,12 @@ class Api:
     def call(self, method: str, *args: Any) -> Any:
         return unwrap(self.raw(method, self.caller, *args))
 
-    def optional(self, method: str) -> Any:
+    def optional(self, method: str, failed: Callable[[Exception], None] = lambda _error: None) -> Any:
         """The value of a call; None where the node, which lives, does not know it: only that part is unknown then."""
         try:
             return self.call(method)
-        except (RosError, xmlrpc.client.Fault):
+        except (RosError, xmlrpc.client.Fault) as error:
+            failed(error)
             return None
 
     def process(self) -> int:
@@ -352,7 +353,7 @@ class Master:
         self._rest = ended + min(ended - began, self.timeout)
         for result in results:
             if isinstance(result, RosError):
-                raise RosError(f"the ROS master at {self.uri} is not one: {result}")
+                raise RosError(f"the ROS master at {self.uri} is not one: {result}") from result
         return self.state_of(*results)
 
     def state_of(self, system_state: Any, types: Any = None) -> MasterState:

@@ -111,7 +111,7 @@ def contract(**changes: Any) -> Contract:
         "tolerance": 0.1,
         "node": OWN,
         "nodes": [OWN],
-        "topics": {"/out": {"type": "std_msgs/String", "md5sum": "bb", "rate": 100.0, "publishers": {}}},
+        "topics": {"/out": {"type": "std_msgs/String", "md5sum": "bb", "publishers": {OWN: {"rate": 100.0}}}},
         "subscriptions": {"/in": {"type": "std_msgs/Int32"}},
         "services": {"/add": {"type": "rospy_tutorials/AddTwoInts", "md5sum": "aa"}},
         "actions": [],

@@ -441,7 +441,8 @@ class SimulatedRobot:
         if lacking:
             return f"cannot become ready: it lacks {', '.join(lacking)}"
         for name, topic in contract["topics"].items():
-            least = (topic["rate"] or 0.0) * (1 - contract["tolerance"])
+            rates = [sent["rate"] or 0.0 for sent in topic["publishers"].values()]
+            least = max(rates, default=0.0) * (1 - contract["tolerance"])
             if self.hertz(process, name) < least:
                 return f"too slow on {name}"
         return ""

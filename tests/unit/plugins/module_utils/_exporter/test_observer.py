@@ -11,17 +11,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import (
-    CALLER,
-    Errand,
-    Observer,
-    Poller,
-    own_connections,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import GraphMetrics
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer, Poller
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import Numbers
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import client
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded, until
 
 NODES = recorded("nodes")
@@ -65,18 +59,14 @@ def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
     began = time.monotonic()
     made.poll()
     ros = made.snapshot.ros
-    assert ros.nodes == {name: name in ("/good", "/cpp", "/over") for name in nodes}
-    assert set(ros.counts) == {"/good", "/cpp"}
+    assert ros["ros_node_up"] == {name: name in ("/good", "/cpp", "/over") for name in nodes}
+    assert {key[1] for key in ros["ros_topic_messages_total"]} == {"/good", "/cpp"}
     assert errors(made) == {"timeout": 1, "refused": 1, "fault": 1, "malformed": 1, "overflow": 1}
     assert time.monotonic() - began < 3
-    # what was late comes last the next time, so that it holds up nobody
-    state = made.observer.graph()
-    last = [errand.name for errand in made.observer.errands(state)][-4:]
-    assert set(last) == {"/odd", "/hung", "/dead", "/unknown"}
 
 
 def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observer, "AT_ONCE", 3)
+    monkeypatch.setattr(Observer, "at_once", 3)
     lock, now, most = threading.Lock(), [0], [0]
 
     def slow(*_args: Any) -> Any:
@@ -91,7 +81,7 @@ def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> 
     nodes = {f"/n{i}": peers.api(f"n{i}", node(getPid=slow)) for i in range(12)}
     made = poller(peers, nodes, 2)
     made.poll()
-    assert all(made.snapshot.ros.nodes.values())
+    assert all(made.snapshot.ros["ros_node_up"].values())
     assert most[0] == 3
 
 
@@ -103,7 +93,7 @@ def test_a_master_that_is_none(peers: Peers, reply: Any, why: str) -> None:
     hangs = f"http://127.0.0.1:{peers.hung()}/"
     made = polls(peers.api("master", {"getSystemState": reply}) if reply else hangs, 0.5)
     made.poll()
-    assert (made.snapshot.ros.master, errors(made)) == (False, {why: 1})
+    assert (made.snapshot.ros, errors(made)) == ({"ros_master_up": {(): 0}}, {why: 1})
 
 
 def test_only_calls_that_change_nothing(peers: Peers) -> None:
@@ -116,7 +106,7 @@ def test_only_calls_that_change_nothing(peers: Peers) -> None:
 
 def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
     """A few at a time, and none of a pod that is gone."""
-    monkeypatch.setattr(observer, "AT_ONCE", 2)
+    monkeypatch.setattr(Observer, "at_once", 2)
     answers = {"process_info": lambda _name: [-1, "no process by that name", {}]}
     servers = {
         name: peers.api(name, {**answers, "list_processes": [1, "", [[[f"{name}-1", 2]], []]]}, caller=False)
@@ -126,29 +116,32 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
     made = poller(peers, {"/good": peers.api("good", node()), "/unknown": ""}, getParam=[1, "", told])
     began = time.monotonic()
     made.poll()
-    launched = made.snapshot.ros.launched
-    assert {name: (child.alive, child.spawned) for name, child in launched.items()} == dict.fromkeys(
-        ("/a", "/b", "/c"), (True, 2)
-    )
-    assert (made.snapshot.ros.nodes["/good"], time.monotonic() - began < 2) == (True, True)
+    ros = made.snapshot.ros
+    assert ros["ros_launch_process_up"] == dict.fromkeys(("/a", "/b", "/c"), True)
+    assert ros["ros_launch_process_starts_total"] == dict.fromkeys(("/a", "/b", "/c"), 2)
+    assert (ros["ros_node_up"]["/good"], time.monotonic() - began < 2) == (True, True)
 
 
 def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(observer, "greet", lambda service, *_: {"/up": {}}[service])
-    monkeypatch.setattr(observer, "subscribe_status", lambda action, *_: nullcontext({"/idle": ()}[action]))
-    monkeypatch.setattr(observer, "read_states", lambda read: read)
-    services = (("/up", "rosrpc://n:1"), ("/mute", "rosrpc://n:2"), ("/unknown", RosError("no address")))
-    found = Observer("http://127.0.0.1:9/", 0.5).ask_node(
-        Errand("/n", peers.api("n", node()), services, ("/idle", "/broken"))
+    read: list[str] = []
+    monkeypatch.setattr(client, "greet", lambda service, *_: {"/up": {}}[service])
+    monkeypatch.setattr(client, "subscribe_status", lambda action, *_: nullcontext({"/idle": "/idle"}[action]))
+    monkeypatch.setattr(client, "read_states", lambda action: read.append(action) or ())
+    topics = [[[f"/{action}/{part}", ["/n"]] for action in ("idle", "broken") for part in parts]
+              for parts in (("status",), ("goal", "cancel"))]  # fmt: skip
+    services = [[name, ["/n"]] for name in ("/up", "/mute", "/unknown", "/n/get_loggers")]
+    where = {"/up": "rosrpc://n:1", "/mute": "rosrpc://n:2"}
+    made = poller(
+        peers,
+        {"/n": peers.api("n", node())},
+        getSystemState=[1, "", [*topics, services]],
+        lookupService=lambda name: [1, "", where[name]] if name in where else [-1, "no provider", ""],
     )
-    assert found.services == {"/up": True, "/mute": False, "/unknown": False}
-    assert (found.actions, found.errors) == ({"/idle": ()}, ("malformed", "fault", "malformed"))
-
-
-def test_our_own_connections() -> None:
-    assert own_connections([[4, CALLER, "o", "TCPROS", "/a", True], [5, "/b", "o", "TCPROS", "/a", True]]) == (4,)
-    for nonsense in (None, 7, [7], [[]], [[1]]):
-        assert own_connections(nonsense) == ()
+    made.poll()
+    ros = made.snapshot.ros
+    assert ros["ros_service_up"] == {("/up", "/n"): True, ("/mute", "/n"): False, ("/unknown", "/n"): False}
+    assert ({key[0] for key in ros["ros_action_goals"]}, read) == ({"/idle"}, ["/idle"])  # one message of it
+    assert errors(made) == {"malformed": 2, "fault": 1}
 
 
 # --- again and again --------------------------------------------------------------------------------------------------
@@ -162,7 +155,10 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return at
 
 
-def looked(made: Poller) -> GraphMetrics:
+AWAY: Numbers = {"ros_master_up": {(): 0}}
+
+
+def looked(made: Poller) -> Numbers:
     """What a scrape shows; the look that follows it has ended."""
     shown = made.scraped()
     until(lambda: not made.due.is_set())
@@ -172,18 +168,18 @@ def looked(made: Poller) -> GraphMetrics:
 def test_a_look_follows_each_scrape_and_is_shown_by_the_next_one(clock: list[float]) -> None:
     made = polls("http://127.0.0.1:9/", 0.5)
     made.start()
-    assert (made.snapshot.polls, looked(made).master) == (0, None)
+    assert (made.snapshot.polls, looked(made)) == (0, {})
     for number in range(1, 4):
         clock[0] += made.interval
-        assert (looked(made).master, made.snapshot.polls) == (False, number + 1)
+        assert (looked(made), made.snapshot.polls) == (AWAY, number + 1)
     clock[0] += made.interval / 2 - 0.1  # another one who scrapes
-    assert (looked(made).master, made.snapshot.polls) == (False, 4)
+    assert (looked(made), made.snapshot.polls) == (AWAY, 4)
     clock[0] += 0.1
-    assert (looked(made).master, made.snapshot.polls) == (False, 5)
+    assert (looked(made), made.snapshot.polls) == (AWAY, 5)
     clock[0] += observer.FRESH  # what was seen then may not be so any more
-    assert looked(made).master is None
+    assert looked(made) == {}
     clock[0] += made.interval
-    assert looked(made).master is False
+    assert looked(made) == AWAY
 
 
 def test_a_mistake_of_ours_is_told_once_and_the_next_look_goes_on(

@@ -40,25 +40,18 @@ def test_metrics() -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    ["", "[]", "{", '{"updates": 7}', text(7), text({}), text({**ENTRY, "id": 7}), text({"app": "a", "id": "b"})],
-)
+    ["", "[]", "{", '{"updates": 7}', text(7), text({}), text({"app": "a", "id": "b"}), text({**ENTRY, "app": ["a"]}),
+     *(text({**ENTRY, **odd}) for odd in ({"phases": {"a": "x"}}, {"phases": 7}, {"started": "soon"}))],
+)  # fmt: skip
 def test_nonsense_is_left_out(wrong: str) -> None:
     assert parse(wrong) == []
 
 
 def test_nonsense_beside_sense() -> None:
-    odd = {
-        **ENTRY,
-        "phases": {"a": "x", "b": 1},
-        "started": "soon",
-        "busy_wait": True,
-        "reason": None,
-        "finished": None,
-    }
-    (found,) = parse(text(7, odd))
-    assert (found.phases, found.reason, found.busy_wait) == ({"b": 1.0}, "", None)
-    for when in ("started", "finished"):  # one that runs has no end
-        assert shown(odd)[f"robot_update_{when}_timestamp_seconds"] == []
+    running = {**ENTRY, "finished": None, "phases": None}  # one that runs has no end
+    assert parse(text(7, {**running, "app": "odd", "busy_wait": []}, running)) == parse(text(running)) != []
+    assert shown(running)["robot_update_finished_timestamp_seconds"] == []
+    assert shown(running)["robot_update_phase_seconds"] == []
 
 
 def said(updates: Updates, now: float = NOW) -> list[tuple[str, str]]:

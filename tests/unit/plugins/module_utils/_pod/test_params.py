@@ -148,7 +148,7 @@ def test_beside_the_version_at_work(master: Master, pod: Any, capfd: Any) -> Non
     pod.begin(TWO)
     new = {**under(f"/arm_{TWO}", TUNED, off=0), **under(f"/arm_{TWO}_kept", CLAIM), "/speed": 3}
     assert leaves(master) == {**before, **new}
-    names = f"/speed, /arm_{TWO}/rate, /arm_{TWO}/pid/gain"
+    names = f"/arm_{TWO}/rate, /arm_{TWO}/pid/gain, /speed"
     assert capfd.readouterr().err == f"rosops.fleet: kept as they were, not as params say: {names}\n"
     pod.end(ONE)
     assert leaves(master) == new
@@ -213,6 +213,6 @@ def test_what_cannot_be_kept_is_said_and_left_for_a_way_back(master: Master, pod
 def test_what_may_be_any_versions_is_not_kept(master: Master, pod: Any, capfd: Any) -> None:
     master.there = {f"/arm_{ONE}/rate": 2, f"/arm_{THREE}/rate": 3}
     pod.begin(TWO)
-    told = f"none is kept of arm_{ONE}, arm_{THREE}, as each may be the version before"
+    told = f"none is kept of /arm_{ONE}, /arm_{THREE}, as each may be the version before"
     assert capfd.readouterr().err == f"rosops.fleet: {told}\n"
     assert master.there["/arm/rate"] == 20

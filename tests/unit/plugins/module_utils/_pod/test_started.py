@@ -32,6 +32,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
 )
 
 SETTINGS = Settings(OWN, expect_node=True)
+UNHEARD = f"not ready: edge {OWN} -> /out -> {SUBSCRIBER}: {SUBSCRIBER} is not connected to {OWN}"
 
 
 class Clock:
@@ -84,7 +85,7 @@ def test_without_contract_and_command_it_waits_until_nothing_more_is_registered(
     late = world.publishers.pop("/out")
     world.replies(OWN, bus=bus())
     clock.when = [(0.3, lambda: world.publishers.update({"/out": late}))]
-    assert started(world, clock).startswith("not ready: topic /out: 0 of 1 subscriber connected")
+    assert started(world, clock).startswith(UNHEARD)
     clock = Clock()
     assert started(World(), clock) == ""
     assert started_command.SETTLE <= clock.at <= started_command.SETTLE + 0.2
@@ -122,18 +123,16 @@ def test_it_looks_ten_times_a_second_or_after_a_call_in_vain_twice_and_gives_up_
 ) -> None:
     world, clock = World(), Clock()
     world.replies(OWN, bus=bus())
-    assert started(world, clock, before).startswith("not ready: topic /out")
+    assert started(world, clock, before).startswith(UNHEARD)
     assert clock.at == pytest.approx(started_command.SECONDS)
     assert world.asked.count("state") == pytest.approx(looks, abs=2)
 
 
 def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
-    owe(monkeypatch, topics={"/out": {"type": "std_msgs/Bool", "rate": None}})
+    owe(monkeypatch, topics={"/out": {"type": "std_msgs/Bool", "publishers": {OWN: {}}}})
     clock = Clock()
     line = started(World(), clock)
-    assert line == (
-        "cannot become ready: topic /out: this version has the type std_msgs/String, the one before had std_msgs/Bool"
-    )
+    assert line == f"cannot become ready: topic /out: the type is std_msgs/String at {OWN}, not std_msgs/Bool"
     assert clock.at == 0
     assert started(World(), clock, before=line) == line
     assert clock.at == pytest.approx(started_command.SECONDS)
@@ -237,8 +236,8 @@ def launched(world: World, clock: Clock | None = None, here: Any = None, **more:
 
 def owe_both(monkeypatch: pytest.MonkeyPatch) -> None:
     topics = {
-        "/out": {"type": "std_msgs/String", "md5sum": None, "rate": None, "publishers": {OWN: {"rate": 100.0}}},
-        "/map": {"type": "", "md5sum": None, "rate": None, "publishers": {OTHER: {"rate": None}}},
+        "/out": {"type": "std_msgs/String", "md5sum": None, "publishers": {OWN: {"rate": 100.0}}},
+        "/map": {"type": "", "md5sum": None, "publishers": {OTHER: {"rate": None}}},
     }
     owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)
 
@@ -255,7 +254,7 @@ def test_a_launch_file_is_started_when_nothing_more_is_registered(two_nodes: Wor
     [
         (True, {**BOTH, "/rostopic_12_1700000000000": "http://127.0.0.1:40010/"}, ""),  # a tool is none of its nodes
         (True, {}, "not ready: node base: none is registered from this pod's address"),
-        (False, BOTH, f"not ready: topic /map: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
+        (False, BOTH, f"not ready: edge {OTHER} -> /map -> {SUBSCRIBER}: {SUBSCRIBER} is not connected to {OTHER}"),
     ],
 )
 def test_every_node_of_a_launch_file_has_to_be_connected(
@@ -271,11 +270,11 @@ def test_all_that_the_version_before_had_is_waited_for(two_nodes: World, monkeyp
     clock = Clock()
     assert launched(two_nodes, clock) == ""
     assert clock.at == 0  # the contract says what there has to be
-    words = f"as the version before: does not start {OTHER}; does not publish /map"
-    assert words in launched(two_nodes, here={OWN: URI})
-    topics = {"/map": {"type": "", "md5sum": None, "rate": None, "publishers": {OWN: {"rate": None}}}}
+    words = f"topic /map: {OTHER} is registered, but down: not asked; node {OWN}: as the version before: "
+    assert f"{words}does not start {OTHER}" in launched(two_nodes, here={OWN: URI})
+    topics = {"/map": {"type": "", "md5sum": None, "publishers": {OWN: {"rate": None}}}}
     owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)  # what one node had another one does not give
-    assert "does not publish /map" in launched(two_nodes)
+    assert f"topic /map: {OWN} lives, but does not publish it" in launched(two_nodes)
     owe_both(monkeypatch)
     two_nodes.hz["/out"] = 50.0
     assert "rate /out: 50.0 Hz" in launched(two_nodes)
@@ -333,6 +332,8 @@ def test_a_contract_counts_for_whoever_names_his_nodes_himself(
 # ---- a version that no step has brought
 
 
+UNPUBLISHED = "topic /out: /talker_0a1b2c3d_5 lives, but does not publish it"
+BEFORE = "node /talker_0a1b2c3d_5: as the version before: "
 POD, OLD, OLD_URI = "/talker_0a1b2c3d_5", "/talker_0a1b2c3d_4", "http://127.0.0.2:40001/"
 
 
@@ -377,10 +378,10 @@ def renewed(world: World, clock: Clock | None = None, **more: Any) -> str:
     ("offered", "lacking"),
     [
         (("/out", "/in", "/add"), ""),
-        (("/in", "/add"), "does not publish /out"),
-        (("/out", "/add"), "does not subscribe to /in"),
-        (("/out", "/in"), "does not offer the service /add"),
-        ((), "does not publish /out; does not subscribe to /in; does not offer the service /add"),
+        (("/in", "/add"), UNPUBLISHED),
+        (("/out", "/add"), f"{BEFORE}does not subscribe to /in"),
+        (("/out", "/in"), f"{BEFORE}does not offer the service /add"),
+        ((), f"{UNPUBLISHED}; {BEFORE}does not subscribe to /in; does not offer the service /add"),
     ],
 )
 def test_a_version_that_others_bring_owes_what_the_pod_before_has(
@@ -389,8 +390,7 @@ def test_a_version_that_others_bring_owes_what_the_pod_before_has(
     """A node that is still loading what it works with has registered nothing but its log for long."""
     beside.publishers["/debug"] = [OLD]  # the inventory lets it go
     beside.offer(*offered)
-    line = f"not ready: node {POD}: as the version before: {lacking}" if lacking else ""
-    assert renewed(beside) == line
+    assert renewed(beside) == (f"not ready: {lacking}" if lacking else "")
 
 
 def test_it_owes_the_rates_that_were_measured_of_the_pod_before(beside: Beside) -> None:
@@ -409,7 +409,7 @@ def test_it_owes_the_rates_that_were_measured_of_the_pod_before(beside: Beside) 
 def test_what_it_offers_has_to_be_connected_as_the_pod_before_is(beside: Beside) -> None:
     beside.offer("/out", "/in", "/add")
     beside.replies(POD, bus=bus())
-    assert renewed(beside, clock := Clock()).startswith("not ready: topic /out: 1 of 2 subscribers connected"[:23])
+    assert renewed(beside, clock := Clock()).startswith(f"not ready: edge {POD} -> /out -> ")
     assert clock.at > PATIENCE  # its subscriber lives, and has the pod before
 
 
@@ -444,8 +444,9 @@ def test_a_launch_file_owes_all_that_the_pod_before_has_started_but_what_waits_f
     of_old = {name: answer.uri for name, answer in beside.answers.items() if name.endswith("_4")}
     pod: dict[str, Any] = {"expect_node": False, "launch": "overlap", "held": ["arm_node"], "here": {POD: URI}}
     pod["places"] = {**of_old, POD: URI, SUBSCRIBER: "http://127.0.0.1:40003/", "/rqt_1": OLD_URI}
-    words = "as the version before: does not start /map_node_0a1b2c3d_5; does not publish /map"
-    assert words in renewed(beside, **pod)
+    lacking = renewed(beside, **pod)
+    assert "topic /map: /map_node_0a1b2c3d_5 is not registered with the master" in lacking
+    assert f"{BEFORE}does not start /map_node_0a1b2c3d_5" in lacking
     monkeypatch.setattr(started_command, "is_here", lambda uri: uri.startswith("http://127.0.0.1"))
     beside.publishers["/map"].append("/map_node_0a1b2c3d_5")
     beside.answers["/map_node_0a1b2c3d_5"] = NodeAnswer(URI.replace("40001", "40007"), 10, bus=bus())
@@ -458,10 +459,10 @@ def test_the_record_calls_nodes_by_their_revisions(beside: Beside, monkeypatch: 
     beside.offer("/out", "/in", "/add")
     member = "/heard_99999999"
     owe(monkeypatch, edges=[[OWN, "/out", SUBSCRIBER], [OWN, "/out", member]], members=[OWN, member])
-    assert f"{POD} not connected to {member}" in renewed(beside)
+    assert f"edge {POD} -> /out -> {member}: {member} is not registered with the master" in renewed(beside)
     beside.subscribers["/out"].append(f"{member}_4")
     beside.answers[f"{member}_4"] = NodeAnswer("http://127.0.0.1:40009/", 9, bus=[])
-    assert f"{POD} not connected to {member}_4, which is updated together with it" in renewed(beside)
+    assert f"edge {POD} -> /out -> {member}_4: {member}_4 is not connected to {POD}" in renewed(beside)
     beside.replies(POD, bus=bus(("/out", SUBSCRIBER), ("/out", f"{member}_4")))
     beside.hz["/out"] = 100.0
     assert renewed(beside) == ""
@@ -530,7 +531,7 @@ def test_a_subscriber_that_missed_its_publisher_is_told_of_it(lost: str, told: t
 def test_one_that_does_not_answer_is_not_told_and_one_that_does_only_once() -> None:
     world, calls = World(), []
     world.replies(OWN, bus=bus())
-    assert started(world, introduce=calls.append).startswith("not ready: topic /out")
+    assert started(world, introduce=calls.append).startswith(UNHEARD)
     assert len(calls) == 1
     world.replies(SUBSCRIBER, error="it does not answer")
     assert started(world, introduce=calls.append) == ""

@@ -215,7 +215,7 @@ def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
     scene.gates.take(pod())
     said = [(status, text) for _uid, status, text in scene.api.conditions]
     assert said[-2:] == [
-        ("False", "not ready: topic /out: 0 of 1 subscriber connected: missing /listener"),
+        ("False", f"not ready: edge {OWN} -> /out -> /listener: /listener is not connected to {OWN}"),
         ("True", PROVEN + "c1"),
     ]
     assert len(said) <= 3, said
@@ -223,11 +223,11 @@ def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
 
 
 def test_what_waiting_cannot_mend_is_told_at_once(scene: Scene) -> None:
-    scene.owe(topics={"/out": {"type": "std_msgs/Bool", "rate": None}})
+    scene.owe(topics={"/out": {"type": "std_msgs/Bool", "publishers": {OWN: {}}}})
     scene.soon = [(0.3, lambda: scene.gates.pods.clear())]  # it is gone by then
     scene.gates.take(pod())
     ((_uid, status, text),) = scene.api.conditions
-    assert (status, text[:60]) == ("False", "cannot become ready: topic /out: this version has the type s")
+    assert (status, text[:60]) == ("False", "cannot become ready: topic /out: the type is std_msgs/String")
 
 
 def test_the_reason_changes_once_a_second_at_most(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

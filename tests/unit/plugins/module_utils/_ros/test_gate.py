@@ -273,9 +273,9 @@ LEFT = "passes unconnected, as its peer left: "
         (build(MasterState({}, {"/chatter": ("/listener_a",)}), recorded_answers()), on(connected=True), WAIT,
          "not connected: no publisher is registered"),
         # one publisher, whatever the others do
-        (ALL, on(publisher="/relay", connected=True), WAIT, "/relay does not publish it"),
+        (ALL, on(publisher="/relay", connected=True), WAIT, "/relay lives, but does not publish it"),
         (hung("/talker_a", gone=""), on(publisher="/talker_a", connected=True), WAIT,
-         f"its publisher /talker_a is registered, but down: {NO_ANSWER}"),
+         f"/talker_a is registered, but down: {NO_ANSWER}"),
         (hung("/talker_b", gone=""), on(publisher="/talker_a"), PASS, "published by /talker_a"),
         (OTHERS_LOST, on(connected=True, publisher="/talker_a"), PASS,
          "published by /talker_a; 3 subscribers connected to /talker_a"),

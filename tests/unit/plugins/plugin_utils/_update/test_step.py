@@ -211,7 +211,7 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     assert (contract["ready_timeout"], contract["apps"]) == (180.0, ["sensor"])
     assert "until" not in contract  # a version that nobody proved is no better for waiting
     assert contract["tolerance"] == 0.1
-    assert contract["topics"]["/temperature"]["rate"] == 500.0
+    assert [sent["rate"] for sent in contract["topics"]["/temperature"]["publishers"].values()] == [500.0]
     kept, *others = json.loads(objects[0]["data"]["history.json"])
     assert len(others) == HISTORY_KEPT - 1 == 4
     assert kept["revision"] not in [one["revision"] for one in others]  # each once
