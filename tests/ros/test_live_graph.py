@@ -153,6 +153,17 @@ def test_a_service_is_given_back_to_the_provider_that_survived(scene: GraphScene
     assert {(line["ok"], line.get("answer")) for line in scene.log("/caller")} == {(True, "/old")}
 
 
+def test_rates_by_counters_of_both_libraries(scene: GraphScene) -> None:
+    start(scene)
+    scene.relay("second", "/relayed", "/twice_relayed")
+    assert scene.wait({"edges": [edge("/relay", "/relayed", "/second")]}, 30).unmet == []
+    topics = scene.read(rates=True, rate_source="counters", rate_seconds=LONG)["topics"]
+    assert topics["/chatter"]["rate"] == pytest.approx(140, rel=0.2)
+    assert topics["/relayed"]["rate"] == pytest.approx(140, rel=0.2)  # by roscpp
+    for unheard in ("/twice_relayed", "/config", "/talker_old/debug"):
+        assert (topics[unheard]["rate"], topics[unheard]["rate_error"]) == (None, "")
+
+
 def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphScene) -> None:
     scene.start("camera", "/camera")
     scene.start("hearer", "/listener", "/chatter")
@@ -162,6 +173,8 @@ def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphSce
         return bool(scene.client.rates(scene.client.ask(state, everything(state)), {"/woken": 1.0})["/woken"].messages)
 
     state = scene.client.state()
+    scene.read(rates=True, rate_source="counters")
+    assert not woken()
     graph = scene.read_chatter("/camera", rate_nodes=["/camera"], md5sums=True)
     assert not woken()
     assert graph["topics"]["/chatter"]["rates"] == {"/camera": pytest.approx(20, rel=0.2)}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A node's getBusStats replies, one after the other -> how many messages and bytes went over its topics.
 
-Pure. For them nothing is subscribed to, and nobody is woken.
+Pure but for `rates`. For them nothing is subscribed to, and nobody is woken.
 
 Both client libraries count per connection and from its beginning, in differing shapes:
 
@@ -15,17 +15,22 @@ not wrap: past 2^31-1 its whole call faults.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Iterable, Mapping, Tuple
 
 from .._common.errors import RosError
+from .graph import Graph, NodeKey, Rate
 from .replies import unwrap
+from .rpc import Api, Deadline, Master, in_parallel, reason
 
 OUT, IN = "out", "in"
 WRAP = 1 << 32
 # A count that went down has wrapped if it is then not far from where it was. Half of the range in one interval of ten
 # seconds would be 200 MB/s; a restarted count, on the other hand, seldom looks like a small step.
 WRAP_STEP = 1 << 31
+LEAST_COUNT = 3  # messages that tell a rate
 
 Flow = Tuple[str, str]  # topic, direction
 Link = Tuple[str, str, int]  # topic, direction, connection
@@ -128,3 +133,60 @@ def _sum(flow: Flow, total: Count, steps: list[Count]) -> Count:
     messages = [step.messages for step in steps]
     more = max(messages, default=0) if flow[1] == OUT else sum(messages)
     return Count(total.messages + more, total.bytes + sum(step.bytes for step in steps))
+
+
+def _sent(before: Stats, after: Stats) -> dict[str, int]:
+    """Topic -> how many messages the node published between two replies, to those who listened all the time.
+
+    Who came meanwhile does not count: the first message that it got may be a latched one.
+    """
+    found: dict[str, int] = {}
+    for link, count in after.links.items():
+        topic, direction, _number = link
+        if direction == OUT and link in before.links:
+            step = _step(before.links[link].messages, count.messages, after.wraps)
+            found[topic] = max(found.get(topic, 0), step)
+    return found
+
+
+# ---- asking
+
+
+def rates(ros: Master, graph: Graph, topics: Iterable[str], seconds: float) -> dict[str, Rate]:
+    """The rates of topics over so many seconds, and of each of their publishers in this graph that tells.
+
+    A topic that nobody listens to is not in it: its publishers count nothing then.
+    """
+    publishers = {topic: graph.topic(topic).publishers for topic in topics}
+    nodes = {key for keys in publishers.values() for key in keys if graph.at(key).reachable}
+    before = _counts(ros, nodes)
+    time.sleep(seconds)
+    after = _counts(ros, nodes)
+    errors = {key: one for half in (after, before) for key, one in half.items() if isinstance(one, str)}
+    counted = {key: _sent(before[key][1], after[key][1]) for key in nodes if key not in errors}
+    found = {}
+    for topic, keys in publishers.items():
+        told = [key for key in keys if topic in counted.get(key, ())]
+        by = {key: _rate(counted[key][topic], after[key][0] - before[key][0]) for key in told}
+        why = {key: errors[key] for key in keys if key in errors}
+        if by or why:
+            found[topic] = Rate.of_all(by, why)
+    return found
+
+
+def _rate(messages: int, seconds: float) -> Rate:
+    return Rate(messages / seconds, messages, seconds, few=messages < LEAST_COUNT)
+
+
+def _counts(ros: Master, nodes: Iterable[NodeKey]) -> dict[NodeKey, Any]:
+    """Node -> the time and its counts; or why it does not tell them."""
+
+    def task(uri: str) -> Any:
+        with Api(uri, ros.caller, Deadline(ros.timeout)) as api:
+            reply = api.raw("getBusStats", ros.caller)
+            return time.monotonic(), stats(reply)
+
+    def failed(key: NodeKey, error: BaseException) -> Any:
+        return f"{key}: {reason(error, key.participant, ros.timeout)}"
+
+    return in_parallel({key: partial(task, key.participant) for key in nodes}, ros.timeout, failed)

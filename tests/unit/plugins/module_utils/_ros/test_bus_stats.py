@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import (
     IN,
     OUT,
@@ -16,7 +17,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import
     advance,
     stats,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, Rate, Topic
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded
 
 NODES = recorded("nodes")
 ME = ("http://127.0.0.1:1/", 7)
@@ -153,3 +156,73 @@ def test_who_has_no_connection_counts_nothing_and_our_own_are_not_the_nodes() ->
     assert after(rospy([1, 0, 5, True]), rospy(topic="/other")).totals == {("/other", OUT): Count()}
     found = advance(after(rospy()), ME, rospy([9, 700, 7, True]), False, ignored=[9])
     assert found.totals[TALK] == Count(0, 0)
+
+
+# ---- rates, of nodes on loopback that answer as either client library does
+
+
+class Clock:
+    """Time passes while somebody sleeps."""
+
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def reply(library: str, links: list[tuple[int, int]]) -> Any:
+    """(connection, messages) of one publisher of /scan."""
+    if library == "rospy":
+        return [1, "", [[["/scan", 0, [[number, 8 * count, count, True] for number, count in links]]], [], []]]
+    return [[["/scan", [[number, 12, 8, count, 0] for number, count in links]]], [], []]
+
+
+def measured(peers: Peers, monkeypatch: pytest.MonkeyPatch, *uris: str) -> Rate | None:
+    """The rate of /scan that these nodes publish. Only getBusStats is answered: whoever subscribes would be refused."""
+    monkeypatch.setattr(bus_stats, "time", Clock())
+    nodes = {one.key: one for one in (Node(f"/n{number}", uri, 1, True) for number, uri in enumerate(uris))}
+    graph = Graph(nodes, {"/scan": Topic("/scan", publishers=tuple(nodes))})
+    found = bus_stats.rates(Ros1Client("http://127.0.0.1:9/", 2.0), graph, ["/scan"], 0.5)
+    assert {method for _label, method in peers.calls} <= {"getBusStats"}
+    return found.get("/scan")
+
+
+def node(peers: Peers, library: str, *looks: list[tuple[int, int]]) -> str:
+    replies = [reply(library, links) for links in looks]
+    return peers.api("node", {"getBusStats": lambda *_: replies.pop(0)})
+
+
+@pytest.mark.parametrize(
+    ("nodes", "messages", "few"),
+    [
+        ([("rospy", [(1, 1000), (2, 70)], [(1, 1010), (2, 80)])], 10, False),
+        ([("roscpp", [(1, 1000), (2, 70)], [(1, 1010), (2, 80)])], 10, False),
+        ([("rospy", [(1, 5)], [(1, 10)]), ("roscpp", [(1, 0)], [(1, 7)])], 12, False),
+        # a latched message to somebody who came meanwhile is no rate, and so few are none
+        ([("roscpp", [(1, 4)], [(1, 4), (2, 1)])], 0, True),
+        ([("rospy", [(1, 4)], [(1, 6)])], 2, True),
+        ([("roscpp", [(1, 2**31 - 3)], [(1, -(2**31) + 7)])], 10, False),
+    ],
+)
+def test_rates(peers: Peers, monkeypatch: pytest.MonkeyPatch, nodes: list[Any], messages: int, few: bool) -> None:
+    rate = measured(peers, monkeypatch, *(node(peers, *one) for one in nodes))
+    assert rate is not None
+    assert (rate.messages, rate.few, rate.known, rate.seconds, rate.hz) == (messages, few, None, 0.5, 2.0 * messages)
+    assert [one.messages for one in rate.by.values()] in ([messages], [5, 7])
+
+
+def test_nobody_listens_so_nothing_is_counted(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert measured(peers, monkeypatch, node(peers, "rospy", [], [])) is None
+
+
+def test_a_publisher_that_does_not_tell(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = f"http://127.0.0.1:{peers.dead()}/"
+    rate = measured(peers, monkeypatch, gone)
+    assert rate is not None
+    assert rate.error == f"/n0: nothing listens at {gone}"
+    both = measured(peers, monkeypatch, gone, node(peers, "rospy", [(1, 5)], [(1, 10)]))
+    assert both is not None
+    assert (both.error, both.messages, [one.messages for one in both.by.values()]) == ("", 5, [5, 0])
