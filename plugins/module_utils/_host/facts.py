@@ -27,7 +27,6 @@ from .k3s import (
     token_verdict,
 )
 from .k3s_change import K3sChange
-from .service_sockets import LISTEN, socket_rows
 
 Facts = Dict[str, object]  # as they are written as JSON
 
@@ -38,6 +37,7 @@ CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
 MEMORY = re.compile(r"^MemTotal:\s+(\d+) kB", re.MULTILINE)
 OS_RELEASE = re.compile(r"^(\w+)=[\"']?(.*?)[\"']?\s*$", re.MULTILINE)
+TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
 # flannel's overlay, and the sets of k3s's network policies
@@ -134,11 +134,13 @@ def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
     """Who listens on the named (protocol, port) pairs."""
     wanted = set(ports)
     sockets: dict[str, tuple[str, int]] = {}
-    for protocol, state in (("tcp", LISTEN), ("udp", UDP_UNCONNECTED)):
+    for protocol, state in (("tcp", TCP_LISTEN), ("udp", UDP_UNCONNECTED)):
         for table in (f"/proc/net/{protocol}", f"/proc/net/{protocol}6"):
-            for row in socket_rows(host.read(table)):
-                if row.state == state and (protocol, row.local[1]) in wanted:
-                    sockets[row.inode] = (protocol, row.local[1])
+            for row in (line.split() for line in host.read(table).splitlines()[1:]):
+                if len(row) > 9 and row[3] == state:
+                    pair = (protocol, int(row[1].rpartition(":")[2], 16))
+                    if pair in wanted:
+                        sockets[row[9]] = pair
     owners = socket_owners(host, sockets) if sockets else {}
     held = {(*pair, *owners.get(inode, ("", False))) for inode, pair in sockets.items()}
     return [dict(zip(("protocol", "port", "process", "k3s"), row)) for row in sorted(held)]
