@@ -16,9 +16,10 @@ not wrap: past 2^31-1 its whole call faults.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping, Tuple
+from typing import Any, Iterable, Mapping
 
 from .._common.errors import RosError
+from .graph import Count, Flow, Link, Stats
 from .replies import unwrap
 
 OUT, IN = "out", "in"
@@ -26,24 +27,6 @@ WRAP = 1 << 32
 # A count that went down has wrapped if it is then not far from where it was. Half of the range in one interval of ten
 # seconds would be 200 MB/s; a restarted count, on the other hand, seldom looks like a small step.
 WRAP_STEP = 1 << 31
-
-Flow = Tuple[str, str]  # topic, direction
-Link = Tuple[str, str, int]  # topic, direction, connection
-
-
-@dataclass(frozen=True)
-class Count:
-    messages: int = 0
-    bytes: int = 0
-
-
-@dataclass(frozen=True)
-class Stats:
-    """One reply: the counts of every connection, and the topics that the node has, with or without connections."""
-
-    links: Mapping[Link, Count]
-    flows: frozenset[Flow]
-    wraps: bool
 
 
 @dataclass(frozen=True)
