@@ -13,8 +13,8 @@ from typing import Iterable, Mapping, Tuple, Union
 
 from .._common.errors import RefusalError, RosError
 from .._ros import bus_stats
-from .._ros.bus_stats import Count, Counted
-from .._ros.graph import GOAL_STATES, Action, Graph, Node
+from .._ros.bus_stats import Counted
+from .._ros.graph import GOAL_STATES, Action, Count, Graph, Node
 from .._ros.roslaunch import Child
 
 CALLER = "/ros_exporter"

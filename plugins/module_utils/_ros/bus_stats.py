@@ -18,10 +18,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Iterable, Mapping, Tuple
+from typing import Any, Iterable, Mapping
 
 from .._common.errors import RosError
-from .graph import Graph, NodeKey, Rate
+from .graph import Count, Flow, Graph, Link, NodeKey, Rate, Stats
 from .replies import unwrap
 from .rpc import Api, Deadline, Master, in_parallel, reason
 
@@ -31,24 +31,6 @@ WRAP = 1 << 32
 # seconds would be 200 MB/s; a restarted count, on the other hand, seldom looks like a small step.
 WRAP_STEP = 1 << 31
 LEAST_COUNT = 3  # messages that tell a rate
-
-Flow = Tuple[str, str]  # topic, direction
-Link = Tuple[str, str, int]  # topic, direction, connection
-
-
-@dataclass(frozen=True)
-class Count:
-    messages: int = 0
-    bytes: int = 0
-
-
-@dataclass(frozen=True)
-class Stats:
-    """One reply: the counts of every connection, and the topics that the node has, with or without connections."""
-
-    links: Mapping[Link, Count]
-    flows: frozenset[Flow]
-    wraps: bool
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 from .._common.documents import Data
 from .._common.errors import RosError
 from .backend import MasterState, Questions
-from .bus_stats import Stats, stats
-from .graph import BUSY_STATES, Graph, Handshake, NodeKey, Rate, ServiceProbe, StatusReading
+from .bus_stats import stats
+from .graph import BUSY_STATES, Graph, Handshake, NodeKey, Rate, ServiceProbe, Stats, StatusReading
 from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris
 from .rpc import MAX_THREADS, Api, Deadline, Master, in_parallel, reason

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
+from typing import Any, Callable, Collection, Iterable, Mapping, NamedTuple, Tuple, TypeVar
 from urllib.parse import urlsplit
 
 from .names import by_revision, is_meant
-
-if TYPE_CHECKING:  # it reads replies, of which graphs are made
-    from .bus_stats import Stats
 
 ANY_TYPE = "*"  # what a node says that takes any message type
 PARTS = ("publications", "subscriptions", "services")  # of a node, by name
@@ -44,6 +41,8 @@ class NodeKey(NamedTuple):
 
 
 Keys = Tuple[NodeKey, ...]
+Flow = Tuple[str, str]  # topic, direction
+Link = Tuple[str, str, int]  # topic, direction, connection
 Told = TypeVar("Told")
 
 
@@ -119,6 +118,21 @@ class Handshake:
     md5sum: str = ""
     latching: bool = False
     definition: str = field(default="", compare=False)  # the text of its type and of those within it
+
+
+@dataclass(frozen=True)
+class Count:
+    messages: int = 0
+    bytes: int = 0
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What a node has counted: of every connection, and the topics that it has, with or without connections."""
+
+    links: Mapping[Link, Count]
+    flows: frozenset[Flow]
+    wraps: bool  # the counts, past 32 bits
 
 
 # ---- the graph

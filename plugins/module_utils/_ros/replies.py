@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import xmlrpc.client
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
+from typing import Any, Callable, Iterable, Mapping
 from xml.parsers import expat
 
 from .._common.errors import RefusalError, RosError
 from .backend import MasterState
-from .graph import Connection, Graph, Node, NodeKey, ServiceProbe, StatusReading
-
-if TYPE_CHECKING:
-    from .bus_stats import Stats
+from .graph import Connection, Graph, Node, NodeKey, ServiceProbe, Stats, StatusReading
 
 DIGITS = 20  # of the least number of 64 bits, with its sign
 
