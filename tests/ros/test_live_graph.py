@@ -15,9 +15,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.jobs import INFO_ARGS, read
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import register
-from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read
 from scene import Scene, until
 
 RELAY = Path("/usr/lib/topic_tools/relay")

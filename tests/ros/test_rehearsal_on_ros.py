@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.jobs import INFO_ARGS, read
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Watcher
-from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import (
     KIND,
     OTHERS,
