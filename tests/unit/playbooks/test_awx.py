@@ -61,6 +61,7 @@ def launch(server: Server, control: Control, tmp_path: Path) -> Iterator[Launch]
         ended = job.ended or job.cancel()
         print(f"longest silence of {job.template.playbook}: {ended.silence:.1f} s")
         assert ended.silence < IDLE
+        assert "errantly" not in ended.output  # ansible-core's word for what a worker writes beside its lines
 
 
 def words(ended: Ended) -> dict[str, str]:
