@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import multiprocessing
 import threading
 from pathlib import Path
 
@@ -19,7 +21,7 @@ _ALONE = threading.Lock()
 
 def show(text: str) -> None:
     """Print it as it is."""
-    with _ALONE:
+    with _ALONE, _own_stdout():
         display.display(text)
 
 
@@ -33,6 +35,16 @@ def stand(host: str, text: str) -> None:
     """Where the task stands: printed with `-v`, else where the run was silent for long."""
     display.v(f"[{host}] {printable(text)}")
     _note(host, printable(text))
+
+
+def _own_stdout() -> contextlib.AbstractContextManager[object]:
+    """A worker hands its lines to the main process, which prints them.
+
+    AWX's callback (`awx_display` of ansible-runner before 2.4.1) writes marks around them all the same, to what is the
+    worker's own stdout; ansible-core finds them there and warns of it.
+    """
+    worker = multiprocessing.parent_process() is not None
+    return contextlib.redirect_stdout(io.StringIO()) if worker else contextlib.nullcontext()
 
 
 def _note(host: str, text: str = "") -> None:
