@@ -8,13 +8,13 @@ import json
 import sys
 from typing import Callable, Mapping
 
-from .._ros.raw_node import Asked, Page, Said
+from .._ros.raw_node import Asked, Said
 from . import families, updates
 from .claims import Claims
 from .families import Family
 from .observer import Observer, Poller
 
-PATH, HEALTHY = "/metrics", "/healthy"
+PATH = "/metrics"
 LEVEL = 3  # of gzip: over a robot's radio link a tenth of the bytes is worth a millisecond
 OPTIONS: Mapping[str, str] = {
     "--interval": "10",  # seconds between two scrapes, each of which a look at the graph follows
@@ -42,7 +42,6 @@ class Exporter:
         self.poller = Poller(observer, float(chosen["--interval"]), self.updates, tell, say)
         self.claims = Claims(chosen["--claims"], chosen["--namespace"]) if chosen["--claims"] else None
         self.capacities: dict[str, int] = json.loads(chosen["--capacities"])
-        self.pages: Mapping[str, Page] = {PATH: self.metrics, HEALTHY: self.health}
 
     def start(self) -> None:
         for thread in (self.poller, self.claims):
@@ -61,6 +60,3 @@ class Exporter:
         if "gzip" not in asked.headers.get("Accept-Encoding", ""):
             return Said(200, body, families.CONTENT_TYPE)
         return Said(200, gzip.compress(body, LEVEL), families.CONTENT_TYPE, {"Content-Encoding": "gzip"})
-
-    def health(self, _asked: Asked) -> Said:
-        return Said(200 if self.poller.healthy() else 503)

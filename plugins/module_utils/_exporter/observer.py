@@ -22,7 +22,6 @@ from .snapshot import CALLER, History, Numbers, Snapshot
 from .updates import Updates
 
 FRESH = 150.0  # seconds for which a look is shown; Prometheus wants a scrape every two minutes at least
-STUCK = 600.0  # a look that takes so long: something is wrong with the exporter itself
 
 
 class Observer(Ros1Client):
@@ -95,10 +94,6 @@ class Poller(threading.Thread):
             self.asked = now
             self.due.set()
         return found if now - self.ended < FRESH else replace(found, ros={})
-
-    def healthy(self) -> bool:
-        """Whether looks come to an end."""
-        return not self.due.is_set() or time.monotonic() - self.asked < STUCK
 
     def poll(self) -> None:
         """One look, and a new snapshot."""

@@ -95,8 +95,7 @@ def main(words: list[str]) -> int:
         uri = slave.master_uri = slave.uri
         slave.register(no_master.methods(uri))
     shown = exporter.Exporter(uri, chosen, tell)
-    for path, page in shown.pages.items():
-        slave.show(path, page)
+    slave.show(exporter.PATH, shown.metrics)
     return keep(slave, shown, chosen, code)
 
 

@@ -144,7 +144,7 @@ class Connection:
 
     The peer of an outgoing one is the subscriber's node name; of an incoming one the publisher's URI. Only the outgoing
     ones say that messages flow: both client libraries report an incoming one as connected before any handshake.
-    `info` is what the client library says of it in words, its sockets' addresses among them; `number` is the node's.
+    `number` is the node's.
     """
 
     topic: str
@@ -152,7 +152,6 @@ class Connection:
     direction: str
     transport: str
     connected: bool
-    info: str = field(default="", compare=False)
     number: int = field(default=-1, compare=False)
 
 

@@ -115,9 +115,8 @@ def connections(raw: Any) -> tuple[Connection, ...]:
         peer, direction, transport, topic = row[1:5]
         if all(isinstance(value, str) for value in (peer, direction, transport, topic)):
             connected = bool(row[5]) if len(row) > 5 else True
-            info = row[6] if len(row) > 6 and isinstance(row[6], str) else ""
             number = row[0] if isinstance(row[0], int) else -1
-            found.append(Connection(topic, peer, direction, transport, connected, info, number))
+            found.append(Connection(topic, peer, direction, transport, connected, number))
     return tuple(found)
 
 

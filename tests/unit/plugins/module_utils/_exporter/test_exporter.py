@@ -8,8 +8,8 @@ import time
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter import families, observer
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.exporter import HEALTHY, OPTIONS, PATH, Exporter
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter import families
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.exporter import OPTIONS, PATH, Exporter
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import Snapshot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 
@@ -24,23 +24,12 @@ def made() -> Exporter:
 
 
 def test_a_scrape(made: Exporter) -> None:
-    plain = made.pages[PATH](Asked("GET", PATH))
+    plain = made.metrics(Asked("GET", PATH))
     assert (plain.status, plain.kind) == (200, "application/openmetrics-text; version=1.0.0; charset=utf-8")
     assert plain.body == families.text(made.families())
     assert b'ros_node_up{node="/n"} 1.0\n' in plain.body
-    zipped = made.pages[PATH](Asked("GET", PATH, headers={"Accept-Encoding": "deflate, gzip"}))
+    zipped = made.metrics(Asked("GET", PATH, headers={"Accept-Encoding": "deflate, gzip"}))
     assert (gzip.decompress(zipped.body), zipped.headers) == (plain.body, {"Content-Encoding": "gzip"})
-
-
-def test_looks_that_do_not_end_are_seen(made: Exporter) -> None:
-    def health() -> int:
-        return made.pages[HEALTHY](Asked("GET", HEALTHY)).status
-
-    assert (health(), made.poller.due.is_set()) == (200, False)  # nobody is asked because of that
-    made.pages[PATH](Asked("GET", PATH))
-    assert (health(), made.poller.due.is_set()) == (200, True)
-    made.poller.asked -= observer.STUCK
-    assert health() == 503
 
 
 def test_claims_are_shown_where_they_are_looked_at(tmp_path: Any) -> None:
