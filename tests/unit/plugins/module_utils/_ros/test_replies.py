@@ -112,7 +112,6 @@ def test_bus_info_of_both_libraries() -> None:
     rows = connections(NODES["/relay"]["getBusInfo"][2])
     assert Connection("/chatter_relay", "/listener_relay", "o", "TCPROS", True) in rows
     assert len([row for row in rows if row.topic == "/chatter" and row.direction == "i"]) == 2
-    assert rows[0].info == "TCPROS connection on port 40307 to [127.0.0.1:53886 on socket 11]"
 
 
 @pytest.mark.parametrize(
@@ -129,8 +128,7 @@ def test_bus_info_of_both_libraries() -> None:
     ],
 )
 def test_rows_of_bus_info(raw: Any, expected: list[Connection]) -> None:
-    found = connections(raw)
-    assert (list(found), [one.info for one in found]) == (expected, [""] * len(expected))
+    assert list(connections(raw)) == expected
 
 
 def test_the_masters_state() -> None:
