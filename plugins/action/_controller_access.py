@@ -20,8 +20,7 @@ from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ..plugin_utils._kube.client import Kube, ref_of
 from ..plugin_utils._kube.kubeconfig import keep, local_kubeconfig
 from ..plugin_utils._model.fleet import home_of
-from ..plugin_utils._objects.admission import admission_objects
-from ..plugin_utils._objects.rights import controller_access
+from ..plugin_utils._objects.rights import cluster_objects, controller_access
 
 TOKEN_SECONDS = 30.0
 
@@ -30,7 +29,7 @@ class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = {"dest": {"type": "path", "required": True}}
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        objects, check = [*admission_objects(), *controller_access()], bool(self._task.check_mode)
+        objects, check = [*cluster_objects(), *controller_access()], bool(self._task.check_mode)
         with self.cluster(params, known) as kube:
             result = written(kube.apply(objects, check))
             if check and result["changed"]:
@@ -40,7 +39,7 @@ class ActionModule(ClusterAction):
         return {**result, "changed": keep(params["dest"], text, check) or result["changed"], "dest": params["dest"]}
 
     def foresee(self, _params: Arguments, _known: Variables) -> Result:
-        return foreseen([*admission_objects(), *controller_access()])
+        return foreseen([*cluster_objects(), *controller_access()])
 
 
 def _token(kube: Kube, secret: Object) -> Mapping[str, str]:

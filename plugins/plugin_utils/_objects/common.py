@@ -20,6 +20,10 @@ RECREATE_STRATEGY = {"type": "Recreate"}
 FOR_EVER = 1_000_000  # failures of a startup probe: what is not ready yet is no reason to kill its container
 SELECTOR = ("app.kubernetes.io/name", names.LABEL_APP)
 
+# The PriorityClass of what a robot's work hangs on. Where memory or disk is short the kubelet ends pods of a lower
+# priority first: an app that fills them goes, and not the ROS master of all others.
+PRIORITY = "rosops-fleet"
+
 # glibc gives each thread a heap of its own otherwise, which never shrinks
 ONE_HEAP = {"name": "MALLOC_ARENA_MAX", "value": "1"}
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Accounts and what they may do in a cluster: a keeper's, and that of a controller such as AWX. Pure.
 
+Beside them what is the cluster's, the same bytes from every robot: what bounds all keepers, and their PriorityClass.
+
 A keeper takes back what nobody proved, begins a pod anew that hangs, and says so. That of one robot works in the
 robot's own namespace. That of a shared master works in those of all robots, which each bring it their Role, and tell it
 of themselves by a ConfigMap in the namespace `fleet`: neither may it look for namespaces, nor does its pod change with
@@ -18,9 +20,10 @@ from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.context import Robot
 from .admission import API, admission_objects
-from .common import config_map, made, owner_labels
+from .common import PRIORITY, config_map, made, owner_labels
 
-RBAC, LEASES = "rbac.authorization.k8s.io", "coordination.k8s.io"
+RBAC, LEASES, SCHEDULING = "rbac.authorization.k8s.io", "coordination.k8s.io", "scheduling.k8s.io"
+FIRST = 1_000_000  # apps have 0, Kubernetes' own pods 2,000,000,000
 Rule = tuple[str, Sequence[str], Sequence[str]]  # an API group, kinds of it, and what may be done with them
 
 KEEPER: tuple[Rule, ...] = (
@@ -55,11 +58,20 @@ CONTROLLERS: tuple[Rule, ...] = (
     # what is the cluster's, and made by whoever administers it
     (API.rpartition("/")[0], ["validatingadmissionpolicies", "validatingadmissionpolicybindings"], ["get"]),
     (RBAC, ["clusterroles", "clusterrolebindings"], ["get"]),
+    (SCHEDULING, ["priorityclasses"], ["get"]),
 )
 
 
+def cluster_objects() -> list[Object]:
+    """What is the whole cluster's. No pod of an app is ended so that one with the class finds room."""
+    about = "What a robot's work hangs on: its ROS master, and the keeper beside it"
+    body = {"value": FIRST, "globalDefault": False, "preemptionPolicy": "Never", "description": about}
+    priority = made(f"{SCHEDULING}/v1", "PriorityClass", PRIORITY, labels=owner_labels(None), **body)
+    return [priority, *admission_objects()]
+
+
 def keeper_access(robot: Robot) -> list[Object]:
-    """The account of the robot's keeper, its Role in the robot's namespace, and before it what bounds all keepers.
+    """The account of the robot's keeper, its Role in the robot's namespace, and before it what is the cluster's.
 
     Nothing for an external master.
     """
@@ -68,7 +80,7 @@ def keeper_access(robot: Robot) -> list[Object]:
     home, labels = context.master_namespace(robot), owner_labels(context.master_owner(robot))
     account = {"name": names.KEEPER_NAME, "namespace": home}
     objects = [
-        *admission_objects(),
+        *cluster_objects(),
         made("v1", "ServiceAccount", names.KEEPER_NAME, home, labels),
         *_rights(account, KEEPER, robot.namespace, owner_labels(robot.name)),
     ]

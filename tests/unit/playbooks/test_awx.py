@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import RESOURCES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.admission import admission_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import cluster_objects
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
 from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.playbooks.test_outcomes import until
@@ -177,7 +177,7 @@ def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(
     """No kubeconfig, no server that could be asked over SSH."""
     for name in ("robot1", "robot2"):
         runs(server, name, "x.example/talker:1")
-    for item in admission_objects():  # as `awx_access` leaves them
+    for item in cluster_objects():  # as `awx_access` leaves them
         server.put(f"{RESOURCES[item['kind']].path()}/{item['metadata']['name']}", item)
     (control.folder / "k3s.yaml").unlink()
     credential = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "very-secret", "K8S_AUTH_VERIFY_SSL": "False"}
