@@ -11,7 +11,6 @@ from typing import Any
 
 from ...module_utils._step.objects import Object
 from .._model import names
-from .._model.app import App
 
 Files = Mapping[str, str | bytes]  # name -> content
 REVISION_HISTORY = 3
@@ -168,6 +167,9 @@ def canonical_hash(value: Any) -> str:
 # ---- what a container may do on its host
 
 ALL = ("ALL",)
+# Nobody: no file of an image belongs to it, which all may read. A user of a container has no capabilities.
+NOBODY = {"runAsNonRoot": True, "runAsUser": 65532, "runAsGroup": 65532}
+USER = ("runAsNonRoot", "runAsUser")
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
 # speak in another one's name on the pods' network. What entrypoints and drivers do use (files of other users, changing
 # the user) stays.
@@ -176,8 +178,11 @@ APPS = ("AUDIT_WRITE", "MKNOD", "NET_RAW", "SETFCAP", "SETPCAP", "SYS_CHROOT")
 _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 
 
-def harden(container: Object, drop: Sequence[str]) -> None:
-    """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
+def harden(container: Object, drop: Sequence[str], pod: Object | None = None) -> None:
+    """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is.
+
+    With its `pod` it is NOBODY, unless that may not be.
+    """
     given: Object = dict(container.get("securityContext") or {})
     asked = given.get("capabilities") or {}
     added = {*(asked.get("add") or ())}
@@ -186,6 +191,7 @@ def harden(container: Object, drop: Sequence[str]) -> None:
     if given.get("privileged") or _MIGHTY & added:
         return
     container["securityContext"] = {
+        **(NOBODY if pod is not None and not added and _may_be_nobody(given, pod) else {}),
         "allowPrivilegeEscalation": False,
         "seccompProfile": {"type": "RuntimeDefault"},
         **given,
@@ -193,12 +199,7 @@ def harden(container: Object, drop: Sequence[str]) -> None:
     }
 
 
-def more_than_baseline(app: App) -> str:
-    """What of an app the level `baseline` of Kubernetes' Pod Security Standards forbids, or nothing."""
-    asked = {
-        "devices": app.devices,
-        "host_paths": app.host_paths,
-        "host_network": app.host_network,
-        "host_port": [port for port in app.ports if port.host_port],
-    }
-    return ", ".join(key for key, value in asked.items() if value)
+def _may_be_nobody(given: Object, pod: Object) -> bool:
+    """Whether neither says a user, and no directory of the host is there, which mostly is root's."""
+    said = {**(pod.get("securityContext") or {}), **given}
+    return not any(key in said for key in USER) and not any("hostPath" in one for one in pod.get("volumes") or ())

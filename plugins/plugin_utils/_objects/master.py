@@ -35,6 +35,7 @@ from .common import (
     workload,
 )
 from .pod_code import CODE_MOUNT, code_command, code_volume
+from .pod_security import CLOSED
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -56,6 +57,7 @@ UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
 # Measured with ros_comm 1.15: 75 MB before a node has registered. No limits: a master does not choose whom it serves.
 MASTERS = {"requests": {"cpu": "20m", "memory": "96Mi"}}
+ROS_HOME = "/tmp/ros"  # noqa: S108 - the container's: whoever runs it may write its logs and process id there
 KEEPS_NOTHING = ["--keep", "off"]  # a keeper beside an external master, which only shows its graph
 RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
 # Measured with ten nodes, and scraped: 0.4 % of a core and 25 MB; there is room for a hundred and for held goals.
@@ -67,7 +69,6 @@ CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
 # Only with claims, mounted read-only: apps' directories may be closed to others. Not DAC_READ_SEARCH, which sounds like
 # less but opens files by handle, those outside of the mount, too.
 SEE_ALL = "DAC_OVERRIDE"
-CLOSED = ("baseline", "restricted")  # levels that allow no directory of the host
 
 
 def master_objects(robot: Robot) -> list[Object]:
@@ -105,7 +106,7 @@ def plain_master(robot: Robot) -> Object:
         "imagePullPolicy": "IfNotPresent",
         "args": ROSCORE,
         # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
-        "env": [field_variable("ROS_IP", "status.podIP")],
+        "env": [field_variable("ROS_IP", "status.podIP"), variable("ROS_HOME", ROS_HOME)],
         "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
         "resources": MASTERS,
         # A hook and no probes: nothing asks it later. The keeper does so all the time, and a restart would lose every
@@ -202,8 +203,9 @@ def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> lis
     """
     deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
     ours = {container["name"] for container in plain["spec"]["template"]["spec"]["containers"]}
-    for container in deployment["spec"]["template"]["spec"]["containers"]:
+    pod = deployment["spec"]["template"]["spec"]
+    for container in pod["containers"]:
         if container["name"] in ours:
-            harden(container, ALL)
+            harden(container, ALL, pod)
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
     return [hashed(deployment), cluster_service(name, namespace, owner, port, robot.master.addresses.get(name))]

@@ -65,7 +65,7 @@ CONTROLLERS: tuple[Rule, ...] = (
 def cluster_objects() -> list[Object]:
     """What is the whole cluster's. No pod of an app is ended so that one with the class finds room."""
     about = "What a robot's work hangs on: its ROS master, and the keeper beside it"
-    body = {"value": FIRST, "globalDefault": False, "preemptionPolicy": "Never", "description": about}
+    body: Object = {"value": FIRST, "globalDefault": False, "preemptionPolicy": "Never", "description": about}
     priority = made(f"{SCHEDULING}/v1", "PriorityClass", PRIORITY, labels=owner_labels(None), **body)
     return [priority, *admission_objects()]
 
