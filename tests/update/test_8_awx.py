@@ -117,6 +117,9 @@ def test_the_account_for_awx_is_enough(fleet: Fleet, awx: Controller, tmp_path: 
     assert access.stat().st_mode & 0o777 == 0o600
     token = next(line for line in access.read_text().splitlines() if "token:" in line).split()[1]
     assert token not in made.output
+    again = awx.run("awx_access", {**fleet.variables, "awx_access_dir": str(tmp_path)})
+    assert set(again.outcomes.values()) <= {"unchanged"}
+    assert token in access.read_text()
     credential = {"K8S_AUTH_KUBECONFIG": str(access)}
     wanted = fleet.new_version("robot1", "temperature")
     ended = awx.run("update", wanted, limit=ROBOT1, credential=credential)

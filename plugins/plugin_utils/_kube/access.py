@@ -44,7 +44,7 @@ except ImportError:
 # the variables K8S_AUTH_*.
 OPTIONS = ("host", "api_key", "kubeconfig", "context", "ca_cert", "validate_certs", "proxy", "no_proxy")
 ACCESS_ARGS: Mapping[str, Any] = {name: AUTH_ARG_SPEC[name] for name in OPTIONS}
-IDENTITY = Ref("ConfigMap", "rosops-fleet", "kube-system", "v1")
+IDENTITY = Ref("ConfigMap", names.IDENTITY, "kube-system", "v1")
 
 
 class NoClusterError(KubeError):

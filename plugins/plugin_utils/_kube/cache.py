@@ -40,8 +40,7 @@ KINDS = {
     "/apis/storage.k8s.io/v1": ("StorageClass",),
 }  # fmt: skip
 POLICIES = KINDS["/apis/admissionregistration.k8s.io/v1"]
-# An account that may not write them finds them there.
-OF_CLUSTER = (*POLICIES, "PriorityClass", "ClusterRole", "ClusterRoleBinding")
+OF_CLUSTER = (*POLICIES, "PriorityClass", "ClusterRole", "ClusterRoleBinding")  # found there by who may not write
 IN_NO_NAMESPACE = (*OF_CLUSTER, "Namespace", "Node", "PersistentVolume", "StorageClass")
 ENDINGS = {"s": "ses", "y": "ies"}  # as Kubernetes guesses a kind's plural, too (meta.UnsafeGuessKindToResource)
 RESOURCES = {

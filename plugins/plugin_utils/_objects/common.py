@@ -169,7 +169,6 @@ def canonical_hash(value: Any) -> str:
 ALL = ("ALL",)
 # Nobody: no file of an image belongs to it, which all may read. A user of a container has no capabilities.
 NOBODY = {"runAsNonRoot": True, "runAsUser": 65532, "runAsGroup": 65532}
-USER = ("runAsNonRoot", "runAsUser")
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
 # speak in another one's name on the pods' network. What entrypoints and drivers do use (files of other users, changing
 # the user) stays.
@@ -202,4 +201,4 @@ def harden(container: Object, drop: Sequence[str], pod: Object | None = None) ->
 def _may_be_nobody(given: Object, pod: Object) -> bool:
     """Whether neither says a user, and no directory of the host is there, which mostly is root's."""
     said = {**(pod.get("securityContext") or {}), **given}
-    return not any(key in said for key in USER) and not any("hostPath" in one for one in pod.get("volumes") or ())
+    return not any(key in said for key in NOBODY) and not any("hostPath" in one for one in pod.get("volumes") or ())

@@ -12,12 +12,10 @@ from ...module_utils._step.objects import Object
 
 RESTRICTED = "restricted"
 CLOSED = ("baseline", RESTRICTED)
-HOST = ("hostNetwork", "hostPID", "hostIPC")
 CAPABILITIES = (
     "AUDIT_WRITE", "CHOWN", "DAC_OVERRIDE", "FOWNER", "FSETID", "KILL", "MKNOD", "NET_BIND_SERVICE", "SETFCAP",
     "SETGID", "SETPCAP", "SETUID", "SYS_CHROOT",
 )  # fmt: skip
-BIND = ("NET_BIND_SERVICE",)
 PROFILES = ("RuntimeDefault", "Localhost")
 SELINUX = (None, "", "container_t", "container_init_t", "container_kvm_t", "container_engine_t")
 VOLUMES = {"configMap", "csi", "downwardAPI", "emptyDir", "ephemeral", "persistentVolumeClaim", "projected", "secret"}
@@ -31,19 +29,18 @@ SYSCTLS = (
 
 def refused(pod: Object, level: str) -> list[str]:
     """Of the spec of a pod, each by its field; nothing where the level is none of CLOSED."""
-    return list(dict.fromkeys(_of_pod(pod, level))) if level in CLOSED else []
-
-
-def _of_pod(pod: Object, level: str) -> Iterator[str]:
+    if level not in CLOSED:
+        return []
     context = pod.get("securityContext") or {}
-    yield from (key for key in HOST if pod.get(key))
+    found = [key for key in ("hostNetwork", "hostPID", "hostIPC") if pod.get(key)]
     for one in pod.get("volumes") or ():
         kinds = {*one} - {"name"}
         if "hostPath" in kinds or (level == RESTRICTED and kinds - VOLUMES):
-            yield f"{', '.join(sorted(kinds))} (volume {one.get('name')})"
-    yield from (f"sysctl {one.get('name')}" for one in context.get("sysctls") or () if one.get("name") not in SYSCTLS)
+            found.append(f"{', '.join(sorted(kinds))} (volume {one.get('name')})")
+    found += [f"sysctl {one.get('name')}" for one in context.get("sysctls") or () if one.get("name") not in SYSCTLS]
     for one in [*(pod.get("initContainers") or ()), *pod["containers"]]:
-        yield from (f"{found} (container {one.get('name')})" for found in _of_container(one, context, level))
+        found += [f"{wrong} (container {one.get('name')})" for wrong in _of_container(one, context, level)]
+    return found
 
 
 def _of_container(container: Object, of_pod: Object, level: str) -> Iterator[str]:
@@ -51,7 +48,7 @@ def _of_container(container: Object, of_pod: Object, level: str) -> Iterator[str
     said: Object = {**of_pod, **own}  # what both may say, the container says
     kinds = {key: (said.get(key) or {}).get("type") for key in ("appArmorProfile", "seLinuxOptions", "seccompProfile")}
     selinux, capabilities = said.get("seLinuxOptions") or {}, own.get("capabilities") or {}
-    free = BIND if level == RESTRICTED else CAPABILITIES
+    free = ("NET_BIND_SERVICE",) if level == RESTRICTED else CAPABILITIES
     yield from (f"capability {one}" for one in capabilities.get("add") or () if one not in free)
     wrong = {
         "privileged": own.get("privileged"),

@@ -8,15 +8,17 @@ robot's own namespace. That of a shared master works in those of all robots, whi
 of themselves by a ConfigMap in the namespace `fleet`: neither may it look for namespaces, nor does its pod change with
 every robot that is added.
 
-A controller has what update, rollback and status ask of a cluster's API, and nothing else. Robots come with namespaces
-of their own, so it is a ClusterRole. Nobody may give away what he has not: it has what the keeper's Role has, too.
+A controller has what update, rollback and status ask of a cluster's API: they write in the namespaces of robots, and
+see what is anywhere. Nobody may give away what he has not, so there it has what the keeper's Role has, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 
 from ...module_utils._step.objects import Object
+from ...module_utils._step.update_record import NAME as UPDATES
 from .._model import context, names
 from .._model.context import Robot
 from .admission import API, admission_objects
@@ -24,42 +26,60 @@ from .common import PRIORITY, config_map, made, owner_labels
 
 RBAC, LEASES, SCHEDULING = "rbac.authorization.k8s.io", "coordination.k8s.io", "scheduling.k8s.io"
 FIRST = 1_000_000  # apps have 0, Kubernetes' own pods 2,000,000,000
-Rule = tuple[str, Sequence[str], Sequence[str]]  # an API group, kinds of it, and what may be done with them
 
-KEEPER: tuple[Rule, ...] = (
-    ("apps", ["deployments"], ["get", "list", "patch"]),
-    ("", ["pods"], ["list", "watch"]),
-    ("", ["pods/status"], ["patch"]),  # readiness gates: `admission.py` says how much of it
-    ("", ["configmaps"], ["get", "patch"]),  # records: what became of a step, and that a version is proven
-    (LEASES, ["leases"], ["get", "create", "update"]),
-    ("", ["pods/eviction"], ["create"]),  # of what hangs
-    ("", ["events"], ["create"]),
+
+def _rule(group: str, kinds: Sequence[str], verbs: Sequence[str], *names: str) -> Object:
+    """Kinds of an API group, and what may be done with them: with all, or with those of these names."""
+    allowed = {"apiGroups": [group], "resources": [*kinds], "verbs": [*verbs]}
+    return {**allowed, "resourceNames": [*names]} if names else allowed
+
+
+KEEPER = (
+    _rule("apps", ["deployments"], ["get", "list", "patch"]),
+    _rule("", ["pods"], ["list", "watch"]),
+    _rule("", ["pods/status"], ["patch"]),  # readiness gates: `admission.py` says how much of it
+    _rule("", ["configmaps"], ["get", "patch"]),  # records: what became of a step, and that a version is proven
+    _rule(LEASES, ["leases"], ["get", "create", "update"]),
+    _rule("", ["pods/eviction"], ["create"]),  # of what hangs
+    _rule("", ["events"], ["create"]),
 )
-LIST_LEASES: Rule = (LEASES, ["leases"], ["list"])  # of all robots at once: where something may be due
-FIND_ROBOTS: Rule = ("", ["configmaps"], ["list"])
+LIST_LEASES = _rule(LEASES, ["leases"], ["list"])  # of all robots at once: where something may be due
+FIND_ROBOTS = _rule("", ["configmaps"], ["list"])
 
-CONTROLLER, NAMESPACE = "rosops-fleet-controller", "kube-system"
+CONTROLLER, HOME = "rosops-fleet-controller", "kube-system"
 READ = ["get", "list", "watch"]
 WRITE = [*READ, "create", "patch", "delete"]
 OWNED = ["configmaps", "services", "serviceaccounts", "persistentvolumeclaims", "limitranges", "resourcequotas"]
-CONTROLLERS: tuple[Rule, ...] = (
-    ("", ["namespaces"], [*READ, "create", "patch"]),
-    ("", OWNED, WRITE),
-    ("", ["secrets"], ["get", "list", "create", "patch"]),  # of registries
-    ("", ["nodes", "pods", "pods/log", "events", "persistentvolumes"], READ),
-    ("apps", ["deployments"], WRITE),
-    ("apps", ["replicasets"], READ),
-    ("storage.k8s.io", ["storageclasses"], READ),
-    (LEASES, ["leases"], ["get", "list", "create", "update"]),
-    (RBAC, ["roles", "rolebindings"], ["get", "list", "create", "patch", "delete"]),
-    # what it gives the keepers
-    ("", ["pods/eviction", "events"], ["create"]),
-    ("", ["pods/status"], ["patch"]),
-    # what is the cluster's, and made by whoever administers it
-    (API.rpartition("/")[0], ["validatingadmissionpolicies", "validatingadmissionpolicybindings"], ["get"]),
-    (RBAC, ["clusterroles", "clusterrolebindings"], ["get"]),
-    (SCHEDULING, ["priorityclasses"], ["get"]),
+IN_NAMESPACES = (
+    *KEEPER,
+    _rule("", ["namespaces"], ["get", "patch"]),  # its own one
+    _rule("", OWNED, WRITE),
+    _rule("", ["secrets"], ["get", "list", "create", "patch"]),  # of registries
+    _rule("", ["pods", "pods/log", "events"], READ),
+    _rule("apps", ["deployments"], WRITE),
+    _rule("apps", ["replicasets"], READ),
+    _rule(RBAC, ["roles", "rolebindings"], WRITE),
 )
+# It writes nothing there. A status shows what is anywhere; a claim's class and a node are in no namespace.
+IN_CLUSTER = (
+    _rule("", ["nodes"], READ),
+    _rule("storage.k8s.io", ["storageclasses"], READ),
+    _rule("", ["pods", "services", "persistentvolumeclaims"], ["list"]),
+    _rule("apps", ["deployments"], ["list"]),
+    _rule("", ["configmaps"], ["list"], UPDATES),
+    # made by whoever administers the cluster
+    _rule(API.rpartition("/")[0], ["validatingadmissionpolicies", "validatingadmissionpolicybindings"], ["get"]),
+    _rule(RBAC, ["clusterroles", "clusterrolebindings"], ["get"]),
+    _rule(SCHEDULING, ["priorityclasses"], ["get"]),
+)
+# Namespaces of others, and there: whose the cluster is and what became of hosts; whether a kubelet is heard of.
+ELSEWHERE = {
+    HOME: (
+        _rule("", ["configmaps"], ["get"], names.IDENTITY),
+        _rule("", ["configmaps"], ["get", "list", "patch"], names.OUTCOMES),
+    ),
+    "kube-node-lease": (_rule(LEASES, ["leases"], ["get"]),),
+}
 
 
 def cluster_objects() -> list[Object]:
@@ -92,26 +112,26 @@ def keeper_access(robot: Robot) -> list[Object]:
     return objects
 
 
-def controller_access() -> list[Object]:
-    """The controller's account, its role, and the Secret that the cluster puts its token into."""
-    token = made("v1", "Secret", CONTROLLER, NAMESPACE, type="kubernetes.io/service-account-token")
-    token["metadata"]["annotations"] = {"kubernetes.io/service-account.name": CONTROLLER}
-    account = {"name": CONTROLLER, "namespace": NAMESPACE}
-    return [made("v1", "ServiceAccount", CONTROLLER, NAMESPACE), *_rights(account, CONTROLLERS), token]
+def controller_access(namespaces: Iterable[str]) -> list[Object]:
+    """The controller's account, and what it may in these namespaces and elsewhere."""
+    account = {"name": CONTROLLER, "namespace": HOME}
+    places = {"": IN_CLUSTER, **ELSEWHERE, **dict.fromkeys(namespaces, IN_NAMESPACES)}
+    rights = chain.from_iterable(_rights(account, rules, namespace) for namespace, rules in places.items())
+    outcomes = config_map(names.OUTCOMES, HOME, owner_labels(None), {})  # which it may not make itself
+    return [made("v1", "ServiceAccount", CONTROLLER, HOME), outcomes, *rights]
 
 
 def _rights(
-    account: Mapping[str, str], rules: Sequence[Rule], namespace: str = "", labels: Mapping[str, str] | None = None
+    account: Mapping[str, str], rules: Sequence[Object], namespace: str = "", labels: Mapping[str, str] | None = None
 ) -> list[Object]:
     """A role of the account's name in a namespace, or without one in the whole cluster, given to the account.
 
     `account` is `{name, namespace}`.
     """
     kind, name = "Role" if namespace else "ClusterRole", account["name"]
-    allowed = [{"apiGroups": [group], "resources": [*kinds], "verbs": [*verbs]} for group, kinds, verbs in rules]
     role = {"apiGroup": RBAC, "kind": kind, "name": name}
     subjects = [{"kind": "ServiceAccount", **account}]
     return [
-        made(f"{RBAC}/v1", kind, name, namespace, labels, rules=allowed),
+        made(f"{RBAC}/v1", kind, name, namespace, labels, rules=[*rules]),
         made(f"{RBAC}/v1", f"{kind}Binding", name, namespace, labels, roleRef=role, subjects=subjects),
     ]

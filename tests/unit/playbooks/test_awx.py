@@ -15,17 +15,18 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import RESOURCES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import cluster_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import cluster_objects, controller_access
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
 from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.playbooks.test_outcomes import until
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import allows
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import SPACES, allows
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from awx_job import IDLE, Ended, Job, Template
 
 LEASE = "/apis/coordination.k8s.io/v1/namespaces/robot-{}/leases/robot-update"
 PATH = re.compile(
-    r"/api(s/(?P<group>[^/]+))?/v1(/namespaces/[^/]+(?=/))?/(?P<resource>[a-z]+)(/(?P<name>[^/]+)(?P<part>/[a-z]+)?)?"
+    r"/api(s/(?P<group>[^/]+))?/v1(/namespaces/(?P<space>[^/]+)(?=/))?/(?P<resource>[a-z]+)(/(?P<name>[^/]+)(?P<part>/[a-z]+)?)?"
 )
 VERBS = {"PATCH": ("patch", "create"), "PUT": ("update",), "POST": ("create",), "DELETE": ("delete",)}
 Launch = Callable[..., Job]
@@ -154,18 +155,31 @@ def test_become_does_not_reach_the_control_node(control: Control, launch: Launch
     assert (control.folder / "page.html").stat().st_uid == Path(control.folder).stat().st_uid
 
 
-def asked(server: Server) -> set[tuple[str, str, str]]:
-    """Verb, group and resource of all that was asked of the API."""
+Asked = tuple[str, str, str, str, str]  # verb, group, resource, namespace, name
+
+
+def asked(server: Server, there: set[str]) -> set[Asked]:
+    """All that was asked of the API, as its authorizer sees it: a namespace is in itself, a list of one name is of it.
+
+    What is `there`, by its path, is applied and not made.
+    """
     found = []
     while not server.requests.empty():
         path, query, _headers = server.requests.get()
-        found.append((path, ("watch",) if "watch" in query else ()))
+        named = query.get("fieldSelector", "").partition("metadata.name=")[2]
+        found.append((path, ("watch",) if "watch" in query else (), named))
     for method, path in (line.split() for line in server.writes):
-        found.append((path, VERBS[method]))
-    places = [(PATH.fullmatch(path), verbs) for path, verbs in found]
+        found.append((path, ("patch",) if path in there else VERBS[method], ""))
+    places = [(PATH.fullmatch(path), verbs, named) for path, verbs, named in found]
     return {
-        (verb, place["group"] or "", place["resource"] + (place["part"] or ""))
-        for place, verbs in places
+        (
+            verb,
+            place["group"] or "",
+            place["resource"] + (place["part"] or ""),
+            place["space"] or (place["name"] if place["resource"] == "namespaces" else "") or "",
+            place["name"] or named,
+        )
+        for place, verbs, named in places
         if place
         for verb in verbs or (("get",) if place["name"] else ("list",))
     }
@@ -177,15 +191,19 @@ def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(
     """No kubeconfig, no server that could be asked over SSH."""
     for name in ("robot1", "robot2"):
         runs(server, name, "x.example/talker:1")
-    for item in cluster_objects():  # as `awx_access` leaves them
-        server.put(f"{RESOURCES[item['kind']].path()}/{item['metadata']['name']}", item)
+    there = set[str]()
+    for item in [*cluster_objects(), *controller_access(SPACES), *(made("v1", "Namespace", name) for name in SPACES)]:
+        place = RESOURCES[item["kind"]].path(item["metadata"].get("namespace", ""), item["metadata"]["name"])
+        there.add(place)
+        server.put(place, item)  # as `awx_access` leaves them
     (control.folder / "k3s.yaml").unlink()
     credential = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "very-secret", "K8S_AUTH_VERIFY_SSL": "False"}
     ended = launch("update", credential=credential).finish()
     assert words(ended) == {"robot1": "updated", "robot2": "updated"}  # what no pod notices
     assert "192.0.2.2" not in control.asked
-    seen = asked(server)
-    assert {("list", "apps", "deployments"), ("update", "coordination.k8s.io", "leases")} <= seen
+    seen = asked(server, there)
+    wanted = {("list", "apps", "deployments", ""), ("update", "coordination.k8s.io", "leases", "robot-update")}
+    assert {(verb, group, kind, "robot-robot1", name) for verb, group, kind, name in wanted} <= seen
     assert [one for one in seen if not allows(*one)] == []
     assert "very-secret" not in ended.output
     assert "very-secret" not in json.dumps(ended.artifacts)
