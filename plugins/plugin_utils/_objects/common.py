@@ -180,7 +180,7 @@ _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 def harden(container: Object, drop: Sequence[str], pod: Object | None = None) -> None:
     """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is.
 
-    With its `pod` it is NOBODY, unless that may not be.
+    With its `pod` it is NOBODY, unless either says a user, or has something of its host, which mostly is root's.
     """
     given: Object = dict(container.get("securityContext") or {})
     asked = given.get("capabilities") or {}
@@ -189,16 +189,13 @@ def harden(container: Object, drop: Sequence[str], pod: Object | None = None) ->
     capabilities = {"drop": [one for one in drop if one not in added and "ALL" not in added], **asked}
     if given.get("privileged") or _MIGHTY & added:
         return
+    said = {**((pod or {}).get("securityContext") or {}), **given}
+    of_host = added or any("hostPath" in one for one in (pod or {}).get("volumes") or ())
+    free = pod is not None and not of_host and not any(key in said for key in NOBODY)
     container["securityContext"] = {
-        **(NOBODY if pod is not None and not added and _may_be_nobody(given, pod) else {}),
+        **(NOBODY if free else {}),
         "allowPrivilegeEscalation": False,
         "seccompProfile": {"type": "RuntimeDefault"},
         **given,
         "capabilities": capabilities,
     }
-
-
-def _may_be_nobody(given: Object, pod: Object) -> bool:
-    """Whether neither says a user, and no directory of the host is there, which mostly is root's."""
-    said = {**(pod.get("securityContext") or {}), **given}
-    return not any(key in said for key in NOBODY) and not any("hostPath" in one for one in pod.get("volumes") or ())

@@ -189,10 +189,9 @@ def _with_the_master(
     One goes before the next comes: two masters would split the graph, and two keepers would each forward the goals that
     they hold, and show every series twice.
     """
-    pod["nodeSelector"] = node_selector(robot.master.placement, robot.name)
-    if robot.master.mode != "external":
-        pod["priorityClassName"] = PRIORITY
-    spec = pod_spec([container], volumes, robot.pull_secrets, **pod)
+    where = node_selector(robot.master.placement, robot.name)
+    pod |= {} if robot.master.mode == "external" else {"priorityClassName": PRIORITY}
+    spec = pod_spec([container], volumes, robot.pull_secrets, nodeSelector=where, **pod)
     return workload(name, context.master_namespace(robot), context.master_owner(robot), spec, annotations=notes)
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Accounts and what they may do in a cluster: a keeper's, and that of a controller such as AWX. Pure.
 
-Beside them what is the cluster's, the same bytes from every robot: what bounds all keepers, and their PriorityClass.
-
 A keeper takes back what nobody proved, begins a pod anew that hangs, and says so. That of one robot works in the
 robot's own namespace. That of a shared master works in those of all robots, which each bring it their Role, and tell it
 of themselves by a ConfigMap in the namespace `fleet`: neither may it look for namespaces, nor does its pod change with
@@ -25,7 +23,6 @@ from .admission import API, admission_objects
 from .common import PRIORITY, config_map, made, owner_labels
 
 RBAC, LEASES, SCHEDULING = "rbac.authorization.k8s.io", "coordination.k8s.io", "scheduling.k8s.io"
-FIRST = 1_000_000  # apps have 0, Kubernetes' own pods 2,000,000,000
 
 
 def _rule(group: str, kinds: Sequence[str], verbs: Sequence[str], *names: str) -> Object:
@@ -43,8 +40,6 @@ KEEPER = (
     _rule("", ["pods/eviction"], ["create"]),  # of what hangs
     _rule("", ["events"], ["create"]),
 )
-LIST_LEASES = _rule(LEASES, ["leases"], ["list"])  # of all robots at once: where something may be due
-FIND_ROBOTS = _rule("", ["configmaps"], ["list"])
 
 CONTROLLER, HOME = "rosops-fleet-controller", "kube-system"
 READ = ["get", "list", "watch"]
@@ -83,9 +78,9 @@ ELSEWHERE = {
 
 
 def cluster_objects() -> list[Object]:
-    """What is the whole cluster's. No pod of an app is ended so that one with the class finds room."""
+    """What is the whole cluster's. No pod of an app, whose priority is 0, is ended so that one of ours finds room."""
     about = "What a robot's work hangs on: its ROS master, and the keeper beside it"
-    body: Object = {"value": FIRST, "globalDefault": False, "preemptionPolicy": "Never", "description": about}
+    body: Object = {"value": 1_000_000, "globalDefault": False, "preemptionPolicy": "Never", "description": about}
     priority = made(f"{SCHEDULING}/v1", "PriorityClass", PRIORITY, labels=owner_labels(None), **body)
     return [priority, *admission_objects()]
 
@@ -105,8 +100,9 @@ def keeper_access(robot: Robot) -> list[Object]:
         *_rights(account, KEEPER, robot.namespace, owner_labels(robot.name)),
     ]
     if home == names.FLEET_NAMESPACE:
-        objects += _rights(account, (*KEEPER, FIND_ROBOTS), home, labels)
-        objects += _rights(account, (LIST_LEASES,), "", labels)
+        objects += _rights(account, (*KEEPER, _rule("", ["configmaps"], ["list"])), home, labels)
+        # of all robots at once: where something may be due
+        objects += _rights(account, [_rule(LEASES, ["leases"], ["list"])], "", labels)
         kept = {**owner_labels(robot.name), names.LABEL_KEPT: "true"}
         objects.append(config_map(robot.namespace, home, kept, {}))
     return objects
