@@ -207,3 +207,21 @@ def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(
     assert [one for one in seen if not allows(*one)] == []
     assert "very-secret" not in ended.output
     assert "very-secret" not in json.dumps(ended.artifacts)
+
+
+def test_the_account_s_token_is_kept_until_it_nears_its_end(server: Server, launch: Launch, tmp_path: Path) -> None:
+    for name in ("robot1", "robot2"):
+        runs(server, name)
+    server.put("/api/v1/namespaces/kube-node-lease", {"metadata": {}})
+    server.put("/api/v1/namespaces/kube-system/configmaps/kube-root-ca.crt", {"data": {"ca.crt": "authority"}})
+    said = {"awx_access_dir": str(tmp_path / "access"), "awx_access_days": 30}
+    made = launch("awx_access", said, limit="all").finish()
+    print(made.output)
+    place = tmp_path / "access" / "edge.yaml"
+    ends = time.strftime("%Y-%m-%d", time.gmtime(time.time() + 30 * 86400))
+    assert f"{place}: its token ends on {ends}" in made.output
+    before = place.read_text()
+    assert "changed=0" not in next(line for line in made.output.splitlines() if line.startswith("edge2 "))
+    again = launch("awx_access", said, limit="all").finish()
+    assert "changed=0" in next(line for line in again.output.splitlines() if line.startswith("edge2 "))
+    assert place.read_text() == before
