@@ -129,7 +129,7 @@ docs: ## All pages as HTML, with the reference of modules and roles: .cache/docs
 
 .PHONY: lint-workflows
 lint-workflows: ## What GitHub runs (that the targets it names exist: tests/unit/test_workflows.py)
-	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml playbooks/files/repository/dot-github/workflows/*.yml
 	check-jsonschema --builtin-schema vendor.github-actions .github/actions/*/action.yml
 
 .PHONY: package

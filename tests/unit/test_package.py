@@ -11,7 +11,7 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parents[2]
 # Names of files, with blanks between them.
 TAKEN = """
-    CHANGELOG.md LICENSE README.md awx/job_templates.yml changelogs/config.yaml changelogs/changelog.yaml
+    CHANGELOG.md LICENSE README.md SECURITY.md awx/job_templates.yml changelogs/config.yaml changelogs/changelog.yaml
     docs/updates.md docs/runbooks/x.md inventories/example/hosts.yml meta/runtime.yml guarded.yml rollback.yml
     site.yml status.yml update.yml validate.yml playbooks/files/examples/launch/images/base/Dockerfile
     playbooks/files/examples/launch/images/base/driver.py playbooks/files/repository/ansible.cfg

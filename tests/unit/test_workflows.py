@@ -7,6 +7,7 @@ That the files are workflows at all is checked by `make lint-workflows`.
 from __future__ import annotations
 
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ import yaml
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 WORKFLOWS = sorted((CHECKOUT / ".github" / "workflows").glob("*.yml"))
+OF_A_FLEET = CHECKOUT / "playbooks" / "files" / "repository" / "dot-github" / "workflows" / "fleet.yml"
+OF_GITLAB = OF_A_FLEET.parents[2] / "dot-gitlab-ci.yml"
 ACTION = CHECKOUT / ".github" / "actions" / "make" / "action.yml"
 MAKEFILE = (CHECKOUT / "Makefile").read_text("utf-8")
 TARGETS = set(re.findall(r"^([\w-]+):", MAKEFILE, re.MULTILINE))
@@ -51,7 +54,7 @@ def test_together_they_run_all_that_make_test_does() -> None:
     assert {*hostless.split(), *first_lane.split()} - {"artifacts"} <= run
 
 
-@pytest.mark.parametrize("path", [*WORKFLOWS, ACTION], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*WORKFLOWS, ACTION, OF_A_FLEET], ids=lambda path: path.stem)
 def test_actions_of_others_are_pinned_by_commit(path: Path) -> None:
     used = re.findall(r"uses: (\S+)", path.read_text("utf-8"))
     assert used
@@ -66,3 +69,48 @@ def test_the_matrix_has_the_ansible_cores_that_make_knows() -> None:
     assert {one["core"] for one in matrix} == {own, *others.split()}
     assert set(others.split()) == {path.stem.removeprefix("core-") for path in files}
     assert yaml.safe_load((CHECKOUT / "meta" / "runtime.yml").read_text("utf-8"))["requires_ansible"] == f">={own}.0"
+
+
+# --- what a fleet's own repository gets -------------------------------------------------------------------------------
+
+
+def test_who_sends_a_change_is_not_root_on_a_runner_of_the_fleet() -> None:
+    """What runs there is merged, and comes from the runner's own checkout: no name that somebody else may have."""
+    fleet = yaml.safe_load(OF_A_FLEET.read_text("utf-8"))
+    assert fleet["permissions"] == {"contents": "read"}
+    own = {name: job for name, job in fleet["jobs"].items() if "self-hosted" in job["runs-on"]}
+    assert {name: job.get("if") for name, job in own.items()} == {"update": "github.event_name == 'push'"}
+    assert fleet["on"]["push"] == {"branches": ["main"]}
+    gitlab = yaml.safe_load(OF_GITLAB.read_text("utf-8"))["update"]
+    assert gitlab["rules"] == [{"if": '$CI_PIPELINE_SOURCE == "push" && $CI_COMMIT_BRANCH == $CI_DEFAULT_BRANCH'}]
+    commands = [step.get("run", "") for step in own["update"]["steps"]] + gitlab["script"]
+    assert [one for one in commands if "requirements.yml" in one or "git+" in one] == []
+    assert len([one for one in commands if 'collection install "$ROSOPS_FLEET"' in one]) == 2
+
+
+def test_no_checkout_leaves_its_token_for_what_it_runs() -> None:
+    steps = [one for job in yaml.safe_load(OF_A_FLEET.read_text("utf-8"))["jobs"].values() for one in job["steps"]]
+    checkouts = [one["with"] for one in steps if one.get("uses", "").startswith("actions/checkout@")]
+    assert checkouts == [{"persist-credentials": False}] * 2
+
+
+@pytest.mark.parametrize(
+    ("vaults", "status"),
+    [
+        ({}, 0),
+        ({"inventory/vault.yml": "$ANSIBLE_VAULT;1.1;AES256\n6162\n"}, 0),
+        ({"inventory/vault.yml": "vault_password: hush\n"}, 1),
+        ({"inventory/a/vault.yml": "$ANSIBLE_VAULT;1.1;AES256\n", "inventory/b/vault.yml": "x: y\n"}, 1),
+        ({".venv/vault.yml": "x: y\n", "vault.example.yml": "x: y\n"}, 0),
+    ],
+)
+def test_a_vault_that_is_not_encrypted_is_seen(tmp_path: Path, vaults: dict[str, str], status: int) -> None:
+    for name, text in vaults.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    check = yaml.safe_load(OF_A_FLEET.read_text("utf-8"))["jobs"]["check"]["steps"]
+    [line] = [one["run"] for one in check if one.get("name") == "What is named a vault is encrypted"]
+    assert line in yaml.safe_load(OF_GITLAB.read_text("utf-8"))["check"]["script"]
+    script = f"set -eo pipefail\n{line}\ntrue\n"  # a line of many, in GitLab
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, check=False)  # noqa: S603, S607
+    assert done.returncode == status

@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 from awx_job import IDLE, Ended, Job, Template
 from fleet import ALL_AT_ONCE, Fleet
+from kubernetes import client, config
 from runs import CHECKOUT
 from test_3_interrupted import PHASES, wait_for_sign
 
@@ -117,6 +118,16 @@ def test_the_account_for_awx_is_enough(fleet: Fleet, awx: Controller, tmp_path: 
     assert access.stat().st_mode & 0o777 == 0o600
     token = next(line for line in access.read_text().splitlines() if "token:" in line).split()[1]
     assert token not in made.output
+    again = awx.run("awx_access", {**fleet.variables, "awx_access_dir": str(tmp_path)})
+    assert set(again.outcomes.values()) <= {"unchanged"}
+    assert token in access.read_text()
+    core = client.CoreV1Api(config.new_client_from_config(str(access)))
+    assert core.list_namespaced_secret("robot-robot1") is not None
+    for space in ("kube-system", "default"):
+        with pytest.raises(client.ApiException, match="403"):
+            core.list_namespaced_secret(space)
+    with pytest.raises(client.ApiException, match="403"):
+        core.patch_namespaced_config_map("rosops-fleet", "kube-system", {"data": {}})
     credential = {"K8S_AUTH_KUBECONFIG": str(access)}
     wanted = fleet.new_version("robot1", "temperature")
     ended = awx.run("update", wanted, limit=ROBOT1, credential=credential)

@@ -36,9 +36,11 @@ FULL_TOKEN = re.compile(r"^K10[0-9a-f]{64}::")
 SECRETS = (
     re.compile(r"(?P<before>)K10[0-9a-f]{64}::[^\s\"']+"),
     re.compile(r"(?i)(?P<before>authorization[\"']?\s*[=:]\s*[\"']?(?:(?:bearer|basic)\s+)?)[^\s\"',]+"),
-    re.compile(r"(?i)(?P<before>(?:token|password|secret|join-?key)[\w-]*[\"']?\s*[=:]\s*[\"']?)[^\s\"',]{6,}"),
+    re.compile(
+        r"(?i)(?P<before>(?:token|passw(?:or)?d|(?<![a-z])pass|psk|secret|join-?key)[\w-]*[\"']?\s*[=:]\s*[\"']?)[^\s\"',]{6,}"
+    ),
     re.compile(r"(?i)(?P<before>--[\w-]*(?:token|password|secret)[ =]+)[^\s\"',]+"),
-    re.compile(r"(?P<before>://[^\s/:@]*:)[^\s/@]+(?=@)"),
+    re.compile(r"(?P<before>(?:://[^\s/:@]*|(?:^|[\s\"'=])[\w.-]+):)[^\s/@]+(?=@(?!sha\d))"),
 )
 TROUBLE = re.compile(r"^[EF]\d{4} |level=(error|fatal|panic)|^panic:|\"level\":\"(error|fatal|panic)\"|^error:", re.I)
 LONGEST_LINE = 300

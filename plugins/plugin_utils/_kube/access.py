@@ -44,7 +44,7 @@ except ImportError:
 OPTIONS = ("host", "api_key", "kubeconfig", "context", "ca_cert", "validate_certs", "proxy", "no_proxy")
 ACCESS_ARGS: Mapping[str, Any] = {name: AUTH_ARG_SPEC[name] for name in OPTIONS}
 ANYWHERE = "the task's options, its environment or ~/.kube/config"
-IDENTITY = Ref("ConfigMap", "rosops-fleet", "kube-system", "v1")
+IDENTITY = Ref("ConfigMap", names.IDENTITY, "kube-system", "v1")
 
 
 class NoClusterError(KubeError):

@@ -21,10 +21,11 @@ KINDS = {
     "/apis/coordination.k8s.io/v1": ("Lease",),
     "/apis/networking.k8s.io/v1": ("NetworkPolicy",),
     "/apis/rbac.authorization.k8s.io/v1": ("ClusterRole", "ClusterRoleBinding", "Role", "RoleBinding"),
+    "/apis/scheduling.k8s.io/v1": ("PriorityClass",),
     "/apis/storage.k8s.io/v1": ("StorageClass",),
 }  # fmt: skip
 POLICIES = KINDS["/apis/admissionregistration.k8s.io/v1"]
-OF_CLUSTER = (*POLICIES, "ClusterRole", "ClusterRoleBinding")  # an account that may not write them finds them there
+OF_CLUSTER = (*POLICIES, "PriorityClass", "ClusterRole", "ClusterRoleBinding")  # found there by who may not write
 IN_NO_NAMESPACE = (*OF_CLUSTER, "Namespace", "Node", "PersistentVolume", "StorageClass")
 ENDINGS = {"s": "ses", "y": "ies"}  # as Kubernetes guesses a kind's plural, too (meta.UnsafeGuessKindToResource)
 # Kind -> the path of its group and version, and its plural name.

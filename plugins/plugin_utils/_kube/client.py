@@ -157,6 +157,12 @@ class Kube(ApiConnection):
         ref = ref_of(obj)
         return self._object("POST", replace(ref, name="").path, {}, obj, JSON)
 
+    def token(self, account: Ref, seconds: int) -> str:
+        """Of a ServiceAccount; it ends by itself."""
+        how = {"apiVersion": "authentication.k8s.io/v1", "kind": "TokenRequest"}
+        body = {**how, "spec": {"expirationSeconds": seconds}}
+        return str(self._object("POST", f"{account.path}/token", {}, body, JSON)["status"]["token"])
+
     def replace(self, obj: Object) -> Object:
         """The whole object anew; status 409 if it is not of the resourceVersion that `obj` has."""
         return self._object("PUT", ref_of(obj).path, {}, obj, JSON)

@@ -30,6 +30,7 @@ SIDECAR = "hooks"  # the container beside the app's where its image has no Pytho
 KEEPER_NAME = words.KEEPER
 KEEPER_PORT = words.KEEPER_PORT
 EXPORTER_NAME = "ros-exporter"  # of earlier collections; its keeper does its work, and an update takes it away
+IDENTITY, OUTCOMES = "rosops-fleet", "rosops-outcomes"  # ConfigMaps of kube-system: whose it is; what became of hosts
 update_name = record_name
 
 

@@ -12,17 +12,22 @@ SHORTEST = 4  # a shorter secret is hidden where it stands alone: everything els
 # Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
 OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")
 # k3s_token, k3s_agent_token, password, identity_token, auth; but not k3s_token_file and the like, which are paths
-_SECRET_KEY = re.compile(r"(?:^|_)(?:token|password|passwd|secret|secret_key)$|^auth$", re.IGNORECASE)
+_SECRET_KEY = re.compile(r"(?:^|[_~/-])(?:token|password|passwd|psk|secret|secret_key)$|^auth$", re.IGNORECASE)
 
 # An app's environment has the names that its author gave, so the nets are wider there.
 _SECRET_VARIABLE = re.compile(
-    r"passw|secret|token|credential|(?:api|access|private)_?key|(?:^|_)(?:auth|pwd|pin)$", re.IGNORECASE
+    r"(?i)passw|passphrase|secret|token|credential|(?:api|access|private)_?key|(?:^|_)(?:auth|pwd|pin|psk)$"
+    r"|(?:^|(?<!low)(?<!high)(?<!band)_)pass$"
 )
-_PASSWORD_IN_URL = re.compile(r"://[^\s/:@]*:([^\s/@]+)@")
+# Before the @ of an address, with a scheme or without one, but for an image's tag and digest; and options of a command.
+_PASSWORD_IN_TEXT = re.compile(
+    r"(?:(?:://[^\s/:@]*|(?:^|[\s\"'=])[\w.-]+):(?=[^\s/@]+@(?!sha\d))|--?[\w-]*(?:passw(?:or)?d|token|secret|psk)[= ])"
+    r"([^\s/@\"']+)"
+)
 
 
 def secrets_in(value: Any) -> Iterator[str]:
-    """The secrets of a Kubernetes object: a Secret's values, variables whose name says so, passwords within URLs.
+    """The secrets of an object: a Secret's values, of variables and keys whose name says so, passwords within texts.
 
     Objects that are kept as JSON within others, as a step keeps its way back, are looked through as well.
     """
@@ -31,13 +36,14 @@ def secrets_in(value: Any) -> Iterator[str]:
             yield str(value["value"])
         if value.get("kind") == "Secret":
             yield from (str(text) for part in ("data", "stringData") for text in (value.get(part) or {}).values())
-        for item in value.values():
+        for key, item in value.items():
+            yield from [item] if isinstance(item, str) and _SECRET_KEY.search(str(key)) else []
             yield from secrets_in(item)
     elif isinstance(value, (list, tuple)):
         for item in value:
             yield from secrets_in(item)
     elif isinstance(value, str):
-        yield from _PASSWORD_IN_URL.findall(value)
+        yield from _PASSWORD_IN_TEXT.findall(value)
         if value[:1] in ("{", "["):
             try:
                 yield from secrets_in(json.loads(value))

@@ -45,7 +45,7 @@ TELLS: Mapping[str, Mapping[str, Sequence[str]]] = {
     "deployment": {"replicas": ["spec.replicas"]},
     "pod": {
         "account": ["serviceAccountName", "automountServiceAccountToken"],
-        "host": ["hostNetwork", "hostPID", "hostIPC", "hostUsers", "runtimeClassName"],
+        "host": ["hostNetwork", "hostPID", "hostIPC", "hostUsers", "runtimeClassName", "priorityClassName"],
         "user": [f"securityContext.{key}" for key in (*USER, "fsGroup", "supplementalGroups")],
     },
     "volumes": {"volume": ["hostPath.path", "secret.secretName", "persistentVolumeClaim.claimName", *FILES]},

@@ -11,7 +11,6 @@ from typing import Any
 
 from ...module_utils._step.objects import Object
 from .._model import names
-from .._model.app import App
 
 Files = Mapping[str, str | bytes]  # name -> content
 REVISION_HISTORY = 3
@@ -19,6 +18,10 @@ PROGRESS_DEADLINE = 300  # seconds
 RECREATE_STRATEGY = {"type": "Recreate"}
 FOR_EVER = 1_000_000  # failures of a startup probe: what is not ready yet is no reason to kill its container
 SELECTOR = ("app.kubernetes.io/name", names.LABEL_APP)
+
+# The PriorityClass of what a robot's work hangs on. Where memory or disk is short the kubelet ends pods of a lower
+# priority first: an app that fills them goes, and not the ROS master of all others.
+PRIORITY = "rosops-fleet"
 
 # glibc gives each thread a heap of its own otherwise, which never shrinks
 ONE_HEAP = {"name": "MALLOC_ARENA_MAX", "value": "1"}
@@ -164,6 +167,8 @@ def canonical_hash(value: Any) -> str:
 # ---- what a container may do on its host
 
 ALL = ("ALL",)
+# Nobody: no file of an image belongs to it, which all may read. A user of a container has no capabilities.
+NOBODY = {"runAsNonRoot": True, "runAsUser": 65532, "runAsGroup": 65532}
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
 # speak in another one's name on the pods' network. What entrypoints and drivers do use (files of other users, changing
 # the user) stays.
@@ -172,8 +177,11 @@ APPS = ("AUDIT_WRITE", "MKNOD", "NET_RAW", "SETFCAP", "SETPCAP", "SYS_CHROOT")
 _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 
 
-def harden(container: Object, drop: Sequence[str]) -> None:
-    """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
+def harden(container: Object, drop: Sequence[str], pod: Object | None = None) -> None:
+    """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is.
+
+    With its `pod` it is NOBODY, unless either says a user, or has something of its host, which mostly is root's.
+    """
     given: Object = dict(container.get("securityContext") or {})
     asked = given.get("capabilities") or {}
     added = {*(asked.get("add") or ())}
@@ -181,20 +189,13 @@ def harden(container: Object, drop: Sequence[str]) -> None:
     capabilities = {"drop": [one for one in drop if one not in added and "ALL" not in added], **asked}
     if given.get("privileged") or _MIGHTY & added:
         return
+    said = {**((pod or {}).get("securityContext") or {}), **given}
+    of_host = added or any("hostPath" in one for one in (pod or {}).get("volumes") or ())
+    free = pod is not None and not of_host and not any(key in said for key in NOBODY)
     container["securityContext"] = {
+        **(NOBODY if free else {}),
         "allowPrivilegeEscalation": False,
         "seccompProfile": {"type": "RuntimeDefault"},
         **given,
         "capabilities": capabilities,
     }
-
-
-def more_than_baseline(app: App) -> str:
-    """What of an app the level `baseline` of Kubernetes' Pod Security Standards forbids, or nothing."""
-    asked = {
-        "devices": app.devices,
-        "host_paths": app.host_paths,
-        "host_network": app.host_network,
-        "host_port": [port for port in app.ports if port.host_port],
-    }
-    return ", ".join(key for key, value in asked.items() if value)

@@ -23,6 +23,7 @@ from .common import (
     ALL,
     FOR_EVER,
     ONE_HEAP,
+    PRIORITY,
     cluster_service,
     field_variable,
     harden,
@@ -34,6 +35,7 @@ from .common import (
     workload,
 )
 from .pod_code import CODE_MOUNT, code_command, code_volume
+from .pod_security import CLOSED
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -53,6 +55,9 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 
 UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
+# Measured with ros_comm 1.15: 75 MB before a node has registered. No limits: a master does not choose whom it serves.
+MASTERS = {"requests": {"cpu": "20m", "memory": "96Mi"}}
+ROS_HOME = "/tmp/ros"  # noqa: S108 - the container's: whoever runs it may write its logs and process id there
 # a keeper beside an external master, whose registrations are not ours; and one of a robot without ROS
 KEEPS_NOTHING = {"external": ["--keep", "off"], "none": ["--keep", "none"]}
 RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
@@ -65,7 +70,6 @@ CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
 # Only with claims, mounted read-only: apps' directories may be closed to others. Not DAC_READ_SEARCH, which sounds like
 # less but opens files by handle, those outside of the mount, too.
 SEE_ALL = "DAC_OVERRIDE"
-CLOSED = ("baseline", "restricted")  # levels that allow no directory of the host
 
 
 def master_objects(robot: Robot) -> list[Object]:
@@ -96,13 +100,14 @@ def plain_master(robot: Robot) -> Object:
         "imagePullPolicy": "IfNotPresent",
         "args": ROSCORE,
         # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
-        "env": [field_variable("ROS_IP", "status.podIP")],
+        "env": [field_variable("ROS_IP", "status.podIP"), variable("ROS_HOME", ROS_HOME)],
         "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
+        "resources": MASTERS,
         # A hook and no probes: nothing asks it later. The keeper does so all the time, and a restart would lose every
         # registration, which is worse than a slow answer.
         "lifecycle": {"postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}}},
     }
-    return _with_the_master(robot, names.MASTER_NAME, container, (), None, terminationGracePeriodSeconds=30)
+    return _with_the_master(robot, names.MASTER_NAME, container, terminationGracePeriodSeconds=30)
 
 
 def plain_keeper(robot: Robot) -> Object:
@@ -174,6 +179,7 @@ def _with_the_master(
     they hold, and show every series twice.
     """
     where = node_selector(robot.master.placement, robot.name)
+    pod |= {} if robot.master.mode == "external" else {"priorityClassName": PRIORITY}
     spec = pod_spec([container], volumes, robot.pull_secrets, nodeSelector=where, **pod)
     return workload(name, context.master_namespace(robot), context.master_owner(robot), spec, annotations=notes)
 
@@ -185,8 +191,9 @@ def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> lis
     """
     deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
     ours = {container["name"] for container in plain["spec"]["template"]["spec"]["containers"]}
-    for container in deployment["spec"]["template"]["spec"]["containers"]:
+    pod = deployment["spec"]["template"]["spec"]
+    for container in pod["containers"]:
         if container["name"] in ours:
-            harden(container, ALL)
+            harden(container, ALL, pod)
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
     return [hashed(deployment), cluster_service(name, namespace, owner, port, robot.master.addresses.get(name))]

@@ -27,7 +27,7 @@ from .._update.outcome import Event, RobotOutcome, known_events
 from .host_run import SPOILT, HostRun, note_of, noted_run
 from .rows import LastRun, Step
 
-REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
+REF = Ref("ConfigMap", names.OUTCOMES, "kube-system", "v1")
 REASON_KEPT = 500  # a ConfigMap holds 1 MiB, and a fleet has many hosts
 PATIENCE = 10.0  # for a word about what is over
 

@@ -7,14 +7,16 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from ...module_utils._ros.names import resolve
+from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.app import App
 from .._model.finding import Problem, each, taken, twice
 from .._model.formats import FORMS, moving_tag
 from .._model.order import circle
 from .._model.topology import EDGE_CLUSTER, members
-from .._objects.common import more_than_baseline
-from .._objects.master import plain_keeper, plain_master
+from .._objects.app import app_deployment
+from .._objects.master import keeper_objects, plain_keeper, plain_master, ros_core_objects
+from .._objects.pod_security import refused
 from .._objects.pod_settings import promised
 from .app import app_problems, app_warnings, when_problems
 from .draft import Draft, Inventory
@@ -28,7 +30,10 @@ NODE_BOUND = (None, "local-path")
 def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
     """Problems of one robot: of its apps, between these and its volumes, and of its master."""
     for path, app, raw in draft.apps:
-        yield from (problem.below(path) for problem in app_problems(app, raw, draft))
+        found = [problem.below(path) for problem in app_problems(app, raw, draft)]
+        yield from found
+        if not found and draft.robot.pod_security and app.scope != "fleet":
+            yield from _refused(draft, path, app_deployment(app, draft.robot))
     yield from _namespace(draft)
     yield from _same_names(draft)
     yield from _volume_names(draft)
@@ -38,13 +43,15 @@ def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
     yield from _master(draft, bool(there.variable(draft.robot.name, "ros_master_uri")))
 
 
-def _namespace(draft: Draft) -> Iterator[Problem]:
-    """A namespace's level refuses whole pods, which nobody would see before the rollout."""
+def _refused(draft: Draft, path: str, deployment: Object) -> Iterator[Problem]:
+    """What the namespace's level refuses of a pod."""
     level = draft.robot.pod_security
-    for path, app, _raw in draft.apps if level in ("baseline", "restricted") else ():
-        if app.scope != "fleet" and (more := more_than_baseline(app)):
-            found = f"is {level}, but {path} has {more}"
-            yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out")
+    if more := ", ".join(refused(deployment["spec"]["template"]["spec"], level)):
+        found = f"is {level}, but {path} has {more}"
+        yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out, or overrides")
+
+
+def _namespace(draft: Draft) -> Iterator[Problem]:
     # two of one name are one Secret, and only the last login would be in it
     secrets = each(f"{draft.path}.robot_namespace_pull_secrets", draft.robot.pull_secrets, ".name")
     yield from twice(secrets, "a name of its own")
@@ -177,10 +184,15 @@ def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
     if master.mode in ("shared", "external") and not FORMS["node-name"].test(names.ros_name(robot.name)):
         found = "begins with a digit, but robots that share a master get a ROS namespace of their name"
         yield Problem(f"groups.robots.{robot.name}", found, "a name that begins with a letter")
-    keepers = base + "keeper_overrides"
-    yield from override_problems(plain_keeper(robot), master.keeper_overrides, names.KEEPER_NAME, keepers)
-    if master.ours:
-        yield from override_problems(plain_master(robot), master.overrides, names.MASTER_CONTAINER, f"{base}overrides")
+    for key, plain, overrides, container, whole in (
+        ("overrides", plain_master, master.overrides, names.MASTER_CONTAINER, ros_core_objects),
+        ("keeper_overrides", plain_keeper, master.keeper_overrides, names.KEEPER_NAME, keeper_objects),
+    ):
+        if master.ours or plain is plain_keeper:
+            problems = override_problems(plain(robot), overrides, container, base + key)
+            yield from problems
+            if not problems and robot.pod_security and master.mode != "shared":
+                yield from _refused(draft, base + key, whole(robot)[0])
 
 
 def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:

@@ -15,17 +15,18 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.admission import admission_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import cluster_objects, controller_access
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
 from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.playbooks.test_outcomes import until
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import allows
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import SPACES, allows
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from awx_job import IDLE, Ended, Job, Template
 
 LEASE = "/apis/coordination.k8s.io/v1/namespaces/robot-{}/leases/robot-update"
 PATH = re.compile(
-    r"/api(s/(?P<group>[^/]+))?/v1(/namespaces/[^/]+(?=/))?/(?P<resource>[a-z]+)(/(?P<name>[^/]+)(?P<part>/[a-z]+)?)?"
+    r"/api(s/(?P<group>[^/]+))?/v1(/namespaces/(?P<space>[^/]+)(?=/))?/(?P<resource>[a-z]+)(/(?P<name>[^/]+)(?P<part>/[a-z]+)?)?"
 )
 VERBS = {"PATCH": ("patch", "create"), "PUT": ("update",), "POST": ("create",), "DELETE": ("delete",)}
 Launch = Callable[..., Job]
@@ -154,18 +155,31 @@ def test_become_does_not_reach_the_control_node(control: Control, launch: Launch
     assert (control.folder / "page.html").stat().st_uid == Path(control.folder).stat().st_uid
 
 
-def asked(server: Server) -> set[tuple[str, str, str]]:
-    """Verb, group and resource of all that was asked of the API."""
+Asked = tuple[str, str, str, str, str]  # verb, group, resource, namespace, name
+
+
+def asked(server: Server, there: set[str]) -> set[Asked]:
+    """All that was asked of the API, as its authorizer sees it: a namespace is in itself, a list of one name is of it.
+
+    What is `there`, by its path, is applied and not made.
+    """
     found = []
     while not server.requests.empty():
         path, query, _headers = server.requests.get()
-        found.append((path, ("watch",) if "watch" in query else ()))
+        named = query.get("fieldSelector", "").partition("metadata.name=")[2]
+        found.append((path, ("watch",) if "watch" in query else (), named))
     for method, path in (line.split() for line in server.writes):
-        found.append((path, VERBS[method]))
-    places = [(PATH.fullmatch(path), verbs) for path, verbs in found]
+        found.append((path, ("patch",) if path in there else VERBS[method], ""))
+    places = [(PATH.fullmatch(path), verbs, named) for path, verbs, named in found]
     return {
-        (verb, place["group"] or "", place["resource"] + (place["part"] or ""))
-        for place, verbs in places
+        (
+            verb,
+            place["group"] or "",
+            place["resource"] + (place["part"] or ""),
+            place["space"] or (place["name"] if place["resource"] == "namespaces" else "") or "",
+            place["name"] or named,
+        )
+        for place, verbs, named in places
         if place
         for verb in verbs or (("get",) if place["name"] else ("list",))
     }
@@ -177,15 +191,37 @@ def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(
     """No kubeconfig, no server that could be asked over SSH."""
     for name in ("robot1", "robot2"):
         runs(server, name, "x.example/talker:1")
-    for item in admission_objects():  # as `awx_access` leaves them
-        server.put(Ref(item["kind"], item["metadata"]["name"]).path, item)
+    there = set[str]()
+    for item in [*cluster_objects(), *controller_access(SPACES), *(made("v1", "Namespace", name) for name in SPACES)]:
+        place = Ref(item["kind"], item["metadata"]["name"], item["metadata"].get("namespace", "")).path
+        there.add(place)
+        server.put(place, item)  # as `awx_access` leaves them
     (control.folder / "k3s.yaml").unlink()
     credential = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "very-secret", "K8S_AUTH_VERIFY_SSL": "False"}
     ended = launch("update", credential=credential).finish()
     assert words(ended) == {"robot1": "updated", "robot2": "updated"}  # what no pod notices
     assert "192.0.2.2" not in control.asked
-    seen = asked(server)
-    assert {("list", "apps", "deployments"), ("update", "coordination.k8s.io", "leases")} <= seen
+    seen = asked(server, there)
+    wanted = {("list", "apps", "deployments", ""), ("update", "coordination.k8s.io", "leases", "robot-update")}
+    assert {(verb, group, kind, "robot-robot1", name) for verb, group, kind, name in wanted} <= seen
     assert [one for one in seen if not allows(*one)] == []
     assert "very-secret" not in ended.output
     assert "very-secret" not in json.dumps(ended.artifacts)
+
+
+def test_the_account_s_token_is_kept_until_it_nears_its_end(server: Server, launch: Launch, tmp_path: Path) -> None:
+    for name in ("robot1", "robot2"):
+        runs(server, name)
+    server.put("/api/v1/namespaces/kube-node-lease", {"metadata": {}})
+    server.put("/api/v1/namespaces/kube-system/configmaps/kube-root-ca.crt", {"data": {"ca.crt": "authority"}})
+    said = {"awx_access_dir": str(tmp_path / "access"), "awx_access_days": 30}
+    made = launch("awx_access", said, limit="all").finish()
+    print(made.output)
+    place = tmp_path / "access" / "edge.yaml"
+    ends = time.strftime("%Y-%m-%d", time.gmtime(time.time() + 30 * 86400))
+    assert f"{place}: its token ends on {ends}" in made.output
+    before = place.read_text()
+    assert "changed=0" not in next(line for line in made.output.splitlines() if line.startswith("edge2 "))
+    again = launch("awx_access", said, limit="all").finish()
+    assert "changed=0" in next(line for line in again.output.splitlines() if line.startswith("edge2 "))
+    assert place.read_text() == before

@@ -35,7 +35,7 @@ SAID = {
     "awx_vault_password": "hush-vault",
     "awx_update_answers": {"update_on_busy": "defer"},
     "awx_templates": {"fleet site": {"timeout": 7200, "labels": ["night"], "extra_vars": {"update_rate_seconds": 2}}},
-    "awx_teams": {"run": "fleet operators", "approve": "fleet approvers", "read": ""},
+    "awx_teams": {"run": "fleet operators", "approve": "fleet approvers", "change": "engineers", "read": ""},
     "awx_notifications": [{
         "name": "operators", "notification_type": "webhook",
         "notification_configuration": {"url": "https://chat.example.org/hush", "http_method": "POST", "headers": {}},
@@ -91,9 +91,21 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     assert awx.associated[f"job_templates/{canary['id']}/notification_templates_success"] == [word["id"]]
     assert word["messages"] == OBJECTS["awx_messages"]["webhook"]
     workflow = awx.of("workflow_job_templates")
-    assert [one["name"] for one in awx.objects["teams"]] == ["fleet operators", "fleet approvers"]
+    assert [one["name"] for one in awx.objects["teams"]] == ["fleet operators", "fleet approvers", "engineers"]
     assert awx.associated[f"roles/{workflow['id']}-approval/teams"] == [awx.of("teams", "fleet approvers")["id"]]
-    assert awx.associated[f"roles/{site['id']}-execute/teams"] == [awx.of("teams", "fleet operators")["id"]]
+    executes = {
+        one["name"]: awx.associated.get(f"roles/{one['id']}-execute/teams", [])
+        for kind in ("job_templates", "workflow_job_templates")
+        for one in awx.objects[kind]
+    }
+    run, change = (awx.of("teams", name)["id"] for name in ("fleet operators", "engineers"))
+    # who needs a word starts nothing by itself that brings a change
+    free = {"fleet rollback", "fleet status", "fleet validate", "fleet update with approval"}
+    assert {name for name, teams in executes.items() if run in teams} == free
+    assert {name for name, teams in executes.items() if change not in teams} == set()
+    [asked] = [one for one in awx.surveys[f"workflow_job_templates/{workflow['id']}/survey_spec"]["spec"]
+               if one["variable"] == "update_on_busy"]  # fmt: skip
+    assert "force" not in asked["choices"]
     assert awx.of("schedules", "fleet update at night")["extra_data"] == {
         "update_waves": "1, 25%, 100%",
         "update_on_busy": "defer",
@@ -123,6 +135,10 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     assert "WARNING" not in again.stdout + again.stderr
     # so that a playbook that is new in the repository is known
     assert awx.writes[writes:] == [f"POST /api/v2/projects/{awx.of('projects')['id']}/update/"]
+    # what an earlier version gave goes
+    awx.associated[f"roles/{site['id']}-execute/teams"].append(run)
+    setup(awx, tmp_path, "--start-at-task", "Make who may do what, and when it runs by itself", awx_job_templates=few)
+    assert awx.associated[f"roles/{site['id']}-execute/teams"] == [change]
 
 
 @pytest.mark.parametrize("name", ["awx_project_url", "awx_canary"])

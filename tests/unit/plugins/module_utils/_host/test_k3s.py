@@ -47,6 +47,9 @@ def test_given_tokens_against_the_running_one(given: str, kept: str, cluster: st
         "request: Authorization: Bearer s3cret1",
         "cannot reach http://me:s3cret1@proxy:3128/",
         '{"authorization":"Basic s3cret1"}',
+        "MQTT_PASS=s3cret1",
+        'wifi: {"psk": "s3cret1"}',
+        "broker me:s3cret1@mqtt refused",
     ],
 )
 @pytest.mark.parametrize("known", [["s3cret\n"], []])
@@ -55,8 +58,15 @@ def test_no_secret_gets_into_a_message(text: str, known: list[str]) -> None:
         assert "s3cret" not in _k3s.without_secrets(text, known)
 
 
-def test_ordinary_lines_stay_as_they_are() -> None:
-    line = 'time="2026-11-21" level=fatal msg="starting kubernetes: address already in use"'
+@pytest.mark.parametrize(
+    "line",
+    [
+        'time="2026-11-21" level=fatal msg="starting kubernetes: address already in use"',
+        "pulled docker.io/talker:v1.2.3@sha256:0123456789",
+        "bypass=whatever it is, at 10:30:11",
+    ],
+)
+def test_ordinary_lines_stay_as_they_are(line: str) -> None:
     assert _k3s.without_secrets(line, ["", "s3cret"]) == line
 
 

@@ -10,6 +10,8 @@ import json
 import queue
 import re
 import threading
+import time
+from base64 import urlsafe_b64encode
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -137,6 +139,13 @@ class Server(ThreadingHTTPServer):
             self.owned[(full, query["fieldManager"])] = body
         return 200, self.put(full, made)
 
+    def token(self, path: str, seconds: int) -> str:
+        """Of the account at that path; what it says of itself, unsigned."""
+        uid = self.find(path.rpartition("/")[0])["metadata"].get("uid")
+        begun = int(time.time())
+        said = {"iat": begun, "exp": begun + seconds, "kubernetes.io": {"serviceaccount": {"uid": uid}}}
+        return f"e30.{urlsafe_b64encode(json.dumps(said).encode()).decode().rstrip('=')}.sig{self.version}"
+
     def stop(self) -> None:
         for events in self._events.values():
             events.put(END)
@@ -180,6 +189,9 @@ class _Handler(BaseHTTPRequestHandler):
         self.server.writes.append(f"{self.command} {url.path}")
         if self.server.write_refusals:
             self._answer(*self.server.write_refusals.pop(0))
+            return
+        if url.path.endswith("/token"):
+            self._send(201, {"status": {"token": self.server.token(url.path, body["spec"]["expirationSeconds"])}})
             return
         content = self.headers.get("Content-Type") or ""
         with self.server.writing:

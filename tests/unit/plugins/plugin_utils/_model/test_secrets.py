@@ -17,13 +17,29 @@ def pod(env: dict[str, str]) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     "name",
-    ["DB_PASSWORD", "API_KEY", "apikey", "AWS_SECRET_ACCESS_KEY", "TOKEN", "PGPASSWORD", "MQTT_AUTH", "DOOR_PIN"],
+    [
+        "DB_PASSWORD",
+        "API_KEY",
+        "apikey",
+        "AWS_SECRET_ACCESS_KEY",
+        "TOKEN",
+        "PGPASSWORD",
+        "MQTT_AUTH",
+        "DOOR_PIN",
+        "MQTT_PASS",
+        "PASS",
+        "WIFI_PSK",
+        "psk",
+        "KEY_PASSPHRASE",
+    ],
 )
 def test_variables_whose_name_says_so(name: str) -> None:
     assert list(secrets_in(pod({name: "hush", "ROS_IP": "10.0.0.1"}))) == ["hush"]
 
 
-@pytest.mark.parametrize("name", ["ROS_MASTER_URI", "KEYBOARD", "AUTHOR", "PINS", "ROSOPS_SETTINGS"])
+@pytest.mark.parametrize(
+    "name", ["ROS_MASTER_URI", "KEYBOARD", "AUTHOR", "PINS", "ROSOPS_SETTINGS", "LOW_PASS", "BYPASS"]
+)
 def test_variables_that_are_none(name: str) -> None:
     assert list(secrets_in(pod({name: "plain"}))) == []
 
@@ -33,6 +49,37 @@ def test_passwords_in_addresses_and_in_objects_that_are_kept_as_text() -> None:
     assert set(secrets_in(kept)) == {'hu"sh', "other"}
     shown = without(kept, dict.fromkeys(secrets_in(kept), "***"))
     assert json.loads(shown["data"]["history.json"]) == [pod({"DB_PASSWORD": "***", "URL": "postgres://me:***@db/x"})]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"args": ["--user=me", "--password=hush"]},
+        {"args": ["serve -token hush"]},
+        {"args": ["--wifi-psk=hush"]},
+        {"args": ["me:hush@db.example.org/x"]},
+        {"data": {"file-0": "broker=me:hush@mqtt\nname=x"}},
+        {"data": {"file-0": '{"auths": {"r.example": {"auth": "hush"}}}'}},
+        {"data": {"file-0": '{"psk": "hush", "ssid": "lab"}'}},
+        {"params": {"~password": "hush", "/mqtt/token": "hush"}},
+    ],
+)
+def test_those_in_texts_and_under_keys(value: dict[str, Any]) -> None:
+    assert {*secrets_in(value)} == {"hush"}
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"image": "registry.example.org:5000/talker:v1.2.3@sha256:0123"},
+        {"image": "talker:v1.2.3@sha256:0123"},
+        {"args": ["--tokens=3", "--topic=a", "rosrun", "x:=y", "http://a:80/x", "at 10:30 mail me@example.org"]},
+        {"spec": {"secretName": "x", "secret": {"items": [{"key": "a", "path": "b"}]}}},
+        {"automountServiceAccountToken": True},
+    ],
+)
+def test_texts_that_are_none(value: dict[str, Any]) -> None:
+    assert [*secrets_in(value)] == []
 
 
 def test_a_short_one_is_hidden_where_it_stands_alone() -> None:

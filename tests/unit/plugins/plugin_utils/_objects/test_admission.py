@@ -66,6 +66,9 @@ def test_a_version_is_told_a_fact_a_line() -> None:
         ({"env": {"A": {"secret": "s", "key": "k"}}}, {
             "env ros-app name=A valueFrom.secretKeyRef.name=s valueFrom.secretKeyRef.key=k",
         }),
+        ({"overrides": {"spec": {"template": {"spec": {"priorityClassName": "system-node-critical"}}}}}, {
+            "host pod priorityClassName=system-node-critical", "has pod priorityClassName",
+        }),
         ({"placement": "remote"}, {"node deploymentType=remote"}),
         ({"overrides": {"spec": {"replicas": 2}}}, {"replicas deployment spec.replicas=2"}),
         ({"overrides": {"spec": {"template": {"spec": {"hostNetwork": False, "serviceAccountName": "mine"}}}}}, {

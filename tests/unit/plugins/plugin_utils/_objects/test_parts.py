@@ -46,7 +46,7 @@ def test_the_parts_that_tags_mean(asked: Sequence[str], run: list[str], skip: li
 def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     secrets = [SECRET, {"name": "made-elsewhere"}]
     ground = {part: kinds(ground_objects(MADE, [part], secrets, {})) for part in PARTS}
-    policy = [f"{kind} rosops-fleet-keeper" for kind in POLICIES]
+    policy = ["PriorityClass rosops-fleet", *(f"{kind} rosops-fleet-keeper" for kind in POLICIES)]
     keeper = [*policy, *(f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding"))]
     assert ground == {
         "namespace": ["Namespace robot-robot1", *keeper, "Secret pull"],
@@ -65,5 +65,5 @@ def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     assert kinds(workload_objects(MADE, ["apps", "storage"])) == ["Deployment talker"]
     assert "Deployment ros-master" in kinds(workload_objects(MADE, ["master"]))
     made = [*ground_objects(MADE, PARTS, [SECRET], {}), *workload_objects(MADE, PARTS)]
-    for one in (one for one in made if one["kind"] not in POLICIES):
+    for one in (one for one in made if one["kind"] not in (*POLICIES, "PriorityClass")):
         assert one["metadata"].get("namespace", one["metadata"]["name"]) == "robot-robot1"
