@@ -61,9 +61,8 @@ class Keeper:
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
         self.memory = memory.from_dict(kept.load("registrations"), now())
-        self.saved: Any = None
         self.params: str = str(kept.load("parameters") or "")
-        self.params_at, self.params_kept = 0.0, True
+        self.params_at = 0.0
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
         self.complete = bool(self.memory.master and self.params) or not keeps
@@ -144,9 +143,8 @@ class Keeper:
                 self.log(f"restored {in_words(calls)}")
             news = self._probe(now) or news
         self._keep_params(now)
-        content = self.memory.as_dict() if news else self.saved
-        if content != self.saved and self.kept.save("registrations", content):
-            self.saved = content
+        if news:
+            self.kept.save("registrations", self.memory.as_dict())
 
     def _keep_params(self, now: float) -> None:
         due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
@@ -256,9 +254,8 @@ class Keeper:
             self.changed = True
             return
         self.params_at, self.told_by = now, master
-        text = memory.parameters_text(tree)
-        if text != self.params or not self.params_kept:
-            self.params, self.params_kept = text, self.kept.save("parameters", text)
+        self.params = memory.parameters_text(tree)
+        self.kept.save("parameters", self.params)
 
 
 def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:

@@ -41,8 +41,7 @@ class Memory:
     master: tuple[Any, ...] = ()  # what tells this run of the master from another
     nodes: dict[str, Entry] = field(default_factory=dict)
     removed: dict[str, tuple[Entry, float]] = field(default_factory=dict)  # with the time
-    missed: dict[str, float] = field(default_factory=dict)  # node -> since when something of it is missing
-    asked: dict[str, float] = field(default_factory=dict)  # node -> when it was last asked for what is missing
+    missed: dict[str, float] = field(default_factory=dict)  # node, of which something is missing -> after when to ask it
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
     silent: dict[str, tuple[float, float]] = field(default_factory=dict)  # node -> first and last look in vain
@@ -76,7 +75,7 @@ class Memory:
 
     def forget(self, node: str) -> None:
         self.nodes.pop(node, None)
-        for table in (self.missed, self.asked, self.suspects, self.seen, self.silent):
+        for table in (self.missed, self.suspects, self.seen, self.silent):
             table.pop(node, None)
 
     # ---- what the master has lost
@@ -92,9 +91,9 @@ class Memory:
             there = present.get(node)
             if there is not None and there.uri != entry.uri:
                 continue  # a newer process has the name; learn() takes it up
-            if at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN):
+            if at_once or self.missed[node] < now:
                 due[node] = entry
-                self.asked[node] = now
+                self.missed[node] = now + AGAIN
         return due
 
     def settle(
@@ -234,14 +233,16 @@ class KeptFiles:
             return None
 
     def save(self, part: str, content: Any) -> bool:
-        """Whether that could be done."""
-        fresh = self.directory / f".{part}.new"
+        """Whether that could be done. What lies there already is not written again."""
+        kept, fresh = self.directory / f"{part}.json", self.directory / f".{part}.new"
+        data = json.dumps(content, separators=(",", ":")).encode()
         try:
-            with fresh.open("w", encoding="utf-8") as file:
-                json.dump(content, file, separators=(",", ":"))
-                file.flush()
-                os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
-            fresh.replace(self.directory / f"{part}.json")
+            if not kept.exists() or kept.read_bytes() != data:
+                with fresh.open("wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
+                fresh.replace(kept)
         except OSError as error:
             if part not in self.lost:
                 self.log(f"{part}: not on record, and lost if the keeper is started again: {error}")

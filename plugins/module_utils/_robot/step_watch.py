@@ -152,9 +152,8 @@ class StepWatch:
         due = seen.due(steps[UPDATING])
         # what was rolled out once is not failing because its robot starts anew, and the keeper with it
         known = {**self.came_up, namespace: sorted(seen.came_up)}
-        known = {space: keys for space, keys in known.items() if keys}
-        if known != self.came_up and self.kept.save(STEPS, known):
-            self.came_up = known
+        self.came_up = {space: keys for space, keys in known.items() if keys}
+        self.kept.save(STEPS, self.came_up)
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
