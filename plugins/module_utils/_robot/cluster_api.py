@@ -42,23 +42,19 @@ class ApiError(KubeError):
         self.status = status
 
 
-def in_cluster(environ: Mapping[str, str], account: str = ACCOUNT) -> Cluster:
-    """The cluster that this pod runs in; KubeError where it was given no access."""
-    host, directory = environ.get("KUBERNETES_SERVICE_HOST", ""), Path(account)
-    if not host:
-        raise KubeError("this is no pod of a cluster (no KUBERNETES_SERVICE_HOST)")
-    missing = [name for name in ("token", "ca.crt", "namespace") if not (directory / name).exists()]
-    if missing:
-        raise KubeError(f"no {missing[0]} is mounted at {account} (automountServiceAccountToken)")
-    return Cluster(host, int(environ.get("KUBERNETES_SERVICE_PORT") or 443), directory)
-
-
 class Cluster:
     """What the keeper reads and writes; ApiError where that fails. Threads may share it."""
 
-    def __init__(self, host: str, port: int, account: Path, now: Callable[[], float] = time.monotonic) -> None:
-        self.host, self.port, self.account, self.now = host, port, account, now
-        self.home = (account / "namespace").read_text("utf-8").strip()
+    def __init__(self, environ: Mapping[str, str], account: str, now: Callable[[], float] = time.monotonic) -> None:
+        """The cluster that this pod runs in; KubeError where it was given no access."""
+        self.host, self.account, self.now = environ.get("KUBERNETES_SERVICE_HOST", ""), Path(account), now
+        if not self.host:
+            raise KubeError("this is no pod of a cluster (no KUBERNETES_SERVICE_HOST)")
+        missing = [name for name in ("token", "ca.crt", "namespace") if not (self.account / name).exists()]
+        if missing:
+            raise KubeError(f"no {missing[0]} is mounted at {account} (automountServiceAccountToken)")
+        self.port = int(environ.get("KUBERNETES_SERVICE_PORT") or 443)
+        self.home = (self.account / "namespace").read_text("utf-8").strip()
         self._link: http.client.HTTPSConnection | None = None
         self._lock = threading.Lock()
         self._robots: tuple[float, list[str]] | None = None
@@ -164,13 +160,14 @@ class Cluster:
         }
         self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body)
 
-    def tell(self, namespace: str, pod: Object, reason: str, message: str, at: str) -> None:
+    def tell(self, namespace: str, pod: Object, reason: str, message: str) -> None:
         """A warning among the pod's Events."""
-        about = {"apiVersion": "v1", "kind": "Pod", "name": name_of(pod), "namespace": namespace}
+        name, at = name_of(pod), self.stamp()
+        about = {"apiVersion": "v1", "kind": "Pod", "name": name, "namespace": namespace}
         body = {
             "apiVersion": "v1",
             "kind": "Event",
-            "metadata": {"name": f"{name_of(pod)}.{''.join(filter(str.isdigit, at))}", "namespace": namespace},
+            "metadata": {"name": f"{name}.{''.join(filter(str.isdigit, at))}", "namespace": namespace},
             "involvedObject": {**about, "uid": pod["metadata"]["uid"]},
             "type": "Warning",
             "reason": reason,
@@ -181,6 +178,11 @@ class Cluster:
             "source": {"component": KEEPER},
         }
         self._send("POST", _path(namespace, "Event"), {}, body)
+
+    @staticmethod
+    def stamp() -> str:
+        """The time now, as objects have it."""
+        return lease_time(time.time())
 
     # ---- requests
 
@@ -257,8 +259,8 @@ class LostError(FleetError):
 class Claim:
     """The Lease while the keeper changes something: the API refuses a write if somebody else made one since."""
 
-    def __init__(self, cluster: Cluster, namespace: str, found: Object | None, at: Callable[[], str]) -> None:
-        self.cluster, self.namespace, self.at = cluster, namespace, at
+    def __init__(self, cluster: Cluster, namespace: str, found: Object | None) -> None:
+        self.cluster, self.namespace = cluster, namespace
         self.found: Object = found or {"metadata": {"name": LEASE, "namespace": namespace}}
 
     def renew(self) -> None:
@@ -268,7 +270,7 @@ class Claim:
 
     def write(self, holder: str = "") -> bool:
         """With this holder, or nobody, to let it go; False: it was another one's, and stays so."""
-        body = lease_with(holder, self.found, KEEPER, LEASE_SECONDS, self.at())
+        body = lease_with(holder, self.found, KEEPER, LEASE_SECONDS, self.cluster.stamp())
         written = self.cluster.write_lease(self.namespace, body)
         self.found = written or self.found
         return written is not None

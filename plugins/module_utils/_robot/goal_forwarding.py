@@ -6,6 +6,7 @@ docs/goal-forwarding.md is its manual.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import replace
@@ -13,10 +14,12 @@ from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
+from .._ros.latched import FIELDS
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
+from .._ros.registrations import SUBSCRIBER, Call
 from .._ros.replies import connections
-from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
+from .._ros.rpc import Api, Deadline, in_parallel, reason
 from .._ros.streams import TopicStream
 from .._ros.tcpros import (
     CANCEL_DEFINITION,
@@ -40,7 +43,6 @@ KEEP = 5.0  # between writes of a hold of which nothing is new but the seconds t
 INTRODUCE = 1.0  # between tellings of a server that is not connected to all of its clients, or to us
 RETRY = 1.0  # seconds between attempts to write what could not be written
 FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
-FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
 
 # what a stream is for
@@ -75,12 +77,12 @@ class Forwarder(threading.Thread):
     def __init__(self, hold: Hold, header: Mapping[str, str], keeper: GoalForwarding) -> None:
         super().__init__(daemon=True, name=f"hold {hold.action}")
         self.hold, self.header, self.keeper = hold, dict(header), keeper
+        self.topics = f"{hold.action}/goal", f"{hold.action}/cancel"
         self.ros, self.slave = keeper.ros, keeper.slave
         self.lock = keeper.lock  # one for all: whoever saves reads every hold
         self.wake = threading.Event()
         self.streams: dict[tuple[str, str], TopicStream] = {}
-        self.tried: dict[tuple[str, str], float] = {}
-        self.pending: set[tuple[str, str]] = set()
+        self.due: dict[tuple[str, str], float] = {}  # from when on to try again; what is being tried: inf
         self.complained: set[tuple[str, str]] = set()
         self.scene: Participants | None = None
         self.advertised = False
@@ -117,13 +119,10 @@ class Forwarder(threading.Thread):
         wanted, now = self.wanted(), time.monotonic()
         for key in [key for key, stream in self.streams.items() if not stream.open]:
             del self.streams[key]
-            self.tried.pop(key, None)
         for key, (caller, topic) in wanted.items():
-            if key in self.streams or key in self.pending or now - self.tried.get(key, -AGAIN) < AGAIN:
-                continue
-            self.pending.add(key)
-            self.tried[key] = now
-            threading.Thread(target=self._connect, args=(key, caller, topic), daemon=True).start()
+            if key not in self.streams and now >= self.due.get(key, 0.0):
+                self.due[key] = math.inf
+                threading.Thread(target=self._connect, args=(key, caller, topic), daemon=True).start()
         clients = self.scene.clients.values() if self.scene else ()
         return sum(not (self.is_open((GOALS, uri)) and self.is_open((TAKEN, uri))) for uri in clients)
 
@@ -137,7 +136,7 @@ class Forwarder(threading.Thread):
                 self.complained.add(key)
                 self.log(f"{topic} of {uri} is not to be had: {reason(error, uri, CONNECT)}")
         with self.lock:
-            self.pending.discard(key)
+            self.due[key] = 0.0 if stream.open else time.monotonic() + AGAIN
             if self.over:
                 stream.close()
             elif stream.open:
@@ -186,7 +185,7 @@ class Forwarder(threading.Thread):
         if not server:
             return Sight()
         name = next(name for name, uri in living.items() if uri == server)
-        listening = all(name in self.slave.callers(f"{action}/{part}") for part in ("goal", "cancel"))
+        listening = all(name in self.slave.callers(topic) for topic in self.topics)
         try:
             with Api(server, self.slave.name, Deadline(CONNECT)) as api:
                 edges = connections(api.call("getBusInfo"))
@@ -197,8 +196,8 @@ class Forwarder(threading.Thread):
         into = {edge.peer for edge in edges if edge.direction == "i" and edge.topic == f"{action}/goal"}
         living_clients = {client for client, uri in scene.clients.items() if self.is_open((GOALS, uri))}
         ready = all((topic, peer) in out for topic, peers in scene.hears.items() for peer in peers & living_clients)
-        ready = ready and not any(role == TAKEN for role, _uri in self.pending)
         uris = set(scene.clients.values())
+        ready = ready and math.inf not in [self.due.get((TAKEN, uri)) for uri in uris]
         direct = bool(self.hold.opened) and uris <= into and uris <= self._sending(uris, name)
         return Sight(server, listening, ready, direct, frozenset(into), self._stays(name, server))
 
@@ -230,51 +229,44 @@ class Forwarder(threading.Thread):
         if (self.advertised and listed) or not self.header.get("md5sum"):
             return
         self.advertised = True
-        topics = {f"{self.hold.action}/goal": self.header, f"{self.hold.action}/cancel": CANCEL_HEADER}
-        for topic, header in topics.items():
+        calls = []
+        for topic, header in zip(self.topics, (self.header, CANCEL_HEADER)):
             self.slave.advertise(topic, header)
-        own = self.slave.name
-        self.ros.calls([("registerPublisher", own, topic, topics[topic]["type"], self.slave.uri) for topic in topics])
+            calls.append(("registerPublisher", self.slave.name, topic, header["type"], self.slave.uri))
+        self.ros.calls(calls)
 
     def _unadvertise(self) -> None:
         if not self.advertised:
             return
         self.advertised = False
-        topics = [f"{self.hold.action}/{part}" for part in ("goal", "cancel")]
         try:
-            self.ros.calls([("unregisterPublisher", self.slave.name, topic, self.slave.uri) for topic in topics])
+            self.ros.calls([("unregisterPublisher", self.slave.name, topic, self.slave.uri) for topic in self.topics])
         except RosError as error:
             self.log(f"not unregistered: {error}")
-        for topic in topics:
+        for topic in self.topics:
             self.slave.unadvertise(topic)
 
-    def _introduce(self, server: str) -> None:
+    def _introduce(self) -> None:
         """Give the clients back: the server connects to whom it is told publishes."""
-        scene = self.scene
         self.introduced = time.monotonic()
-        if scene is None:
-            return
-        own = [self.slave.uri] if self.advertised else []
-        told = {"goal": [*scene.clients.values(), *own], "cancel": [*scene.cancellers.values(), *own] if own else []}
+        hold = self.hold
         try:
-            for topic, uris in told.items():
-                if uris:
-                    tell_publishers(server, f"{self.hold.action}/{topic}", uris, CONNECT)
-        except Exception as error:
-            self.log(f"the server was not told of its clients: {reason(error, server, CONNECT)}")
+            self.ros.introduce([Call(SUBSCRIBER, hold.node, topic, "", hold.server) for topic in self.topics])
+        except RosError as error:
+            self.log(f"the server was not told of its clients: {error}")
 
     def do(self, todo: Order) -> None:
-        goal, action = todo.goal, self.hold.action
+        goal, (goals, cancels) = todo.goal, self.topics
         if todo.kind == rules.ADVERTISE:
             self._advertise()
         elif todo.kind == rules.OPEN:
             self.log(f"a server is up at {self.hold.server}, {len(self.hold.goals)} goals to forward")
-            self._introduce(self.hold.server)
+            self._introduce()
         elif todo.kind == rules.CANCEL and goal is not None:
-            self.slave.publish(f"{action}/cancel", encode_cancel(goal.id))
+            self.slave.publish(cancels, encode_cancel(goal.id))
             self.log(f"told the server that {goal.id} is cancelled")
         elif todo.kind == rules.SEND and goal is not None:
-            reached = self.slave.publish(f"{action}/goal", goal.body)
+            reached = self.slave.publish(goals, goal.body)
             if reached:
                 self.log(f"forwarded {goal.id}, {time.monotonic() - goal.arrived:.2f} s after it came")
             else:
@@ -331,7 +323,7 @@ class Forwarder(threading.Thread):
                 self.keeper.save()
         whole = sight.direct and (sight.connected or not self.advertised)
         if self.hold.opened and not whole and time.monotonic() - self.introduced > INTRODUCE:
-            self._introduce(self.hold.server)
+            self._introduce()
 
 
 class GoalForwarding:

@@ -20,7 +20,7 @@ from .._ros.idle_robot import IdleRobot
 from .._ros.keeper_client import KeeperCalls
 from .._step.objects import Object, duration_of, holder_of, owner_of, version_of
 from .._step.words import KEEPER
-from .cluster_api import Claim, Cluster, lease_time
+from .cluster_api import Claim, Cluster
 from .memory import KeptFiles
 
 PART = "owners"  # of the kept files: namespace -> its hold, with the seconds to go besides
@@ -95,7 +95,7 @@ class Holds:
     def _end(self, namespace: str, found: Object | None, known: Owned) -> Object | None:
         """The Lease after the goals were let go: under it, so that no run holds them at the same time. None: it was not
         to be had."""
-        claim = Claim(self.cluster, namespace, found, lambda: lease_time(self.wall()))
+        claim = Claim(self.cluster, namespace, found)
         if not claim.write(KEEPER):
             return None
         try:

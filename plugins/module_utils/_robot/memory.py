@@ -41,7 +41,7 @@ class Memory:
     master: tuple[Any, ...] = ()  # what tells this run of the master from another
     nodes: dict[str, Entry] = field(default_factory=dict)
     removed: dict[str, tuple[Entry, float]] = field(default_factory=dict)  # with the time
-    missed: dict[str, float] = field(default_factory=dict)  # node, of which something is missing -> after when to ask it
+    missed: dict[str, float] = field(default_factory=dict)  # node that lacks something -> after when to ask it
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
     silent: dict[str, tuple[float, float]] = field(default_factory=dict)  # node -> first and last look in vain

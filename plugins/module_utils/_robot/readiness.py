@@ -29,7 +29,7 @@ from .._ros.registrar import Registrar
 from .._step.objects import Object, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import ApiError, Cluster, lease_time
+from .cluster_api import ApiError, Cluster
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -194,9 +194,8 @@ class Readiness:
 
     def _say(self, pod: Object, ready: bool, text: str) -> Object:
         """In the pod's own condition, which it returns; a pod that has gone meanwhile needs none."""
-        reason, at = "InTheGraph" if ready else "NotInTheGraph", lease_time(time.time())
-        said = {"status": str(ready), "reason": reason, "message": text}
-        condition = {"type": READINESS, **said, "lastTransitionTime": at}
+        said = {"status": str(ready), "reason": "InTheGraph" if ready else "NotInTheGraph", "message": text}
+        condition = {"type": READINESS, **said, "lastTransitionTime": self.cluster.stamp()}
         try:
             self.cluster.set_condition(self.namespace, pod, condition)
         except ApiError as error:
@@ -222,7 +221,7 @@ class Readiness:
             if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
-                self.cluster.tell(self.namespace, pod, "NodeUnheard", words, lease_time(time.time()))
+                self.cluster.tell(self.namespace, pod, "NodeUnheard", words)
                 self.log(f"{name_of(pod)}: {words}")
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):

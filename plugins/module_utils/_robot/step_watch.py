@@ -19,7 +19,7 @@ from .._step import update_record
 from .._step.objects import Object, name_of, node_of, rolled_out, version_of
 from .._step.record import mark_of, record_name, record_of, soaks
 from .._step.words import FLEET, SOAKING, UPDATING
-from .cluster_api import ApiError, Claim, Cluster, LostError, lease_time, read_records
+from .cluster_api import ApiError, Claim, Cluster, LostError, read_records
 from .memory import KeptFiles, Silence
 from .open_goals import open_goals
 from .soak import Soak
@@ -70,12 +70,11 @@ class StepWatch:
         kept: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
-        wall: Callable[[], float] = time.time,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.cluster, self.ros, self.robot, self.kept, self.log = cluster, ros, robot, kept, log
         self.watchdog = Watchdog(cluster, ros, robot.silence, now)
-        self.now, self.wall, self.sleep = now, wall, sleep
+        self.now, self.sleep = now, sleep
         self.came_up: Mapping[str, list[str]] = kept.load(STEPS) or {}
         self.observed: dict[str, Observed] = {}
         self.soaks: dict[str, Soak] = {}
@@ -218,15 +217,14 @@ class StepWatch:
             return
 
     def _begin_anew(self, one: Hung, claim: Claim) -> None:
-        said = self.watchdog.begin_anew(claim.namespace, one, self._time())
-        self._tell(f"{claim.namespace}/{one.app}", said)
+        self._tell(f"{claim.namespace}/{one.app}", self.watchdog.begin_anew(claim.namespace, one))
 
     def _with_lease(self, namespace: str, seen: Observed, about: str, lost: str, work: Callable[[Claim], None]) -> None:
         """Do it with the Lease, unless somebody else has that by now. `lost` is said where another one takes it."""
         found = self.cluster.lease(namespace)
         if version_of(found) != seen.version:
             return
-        claim = Claim(self.cluster, namespace, found, self._time)
+        claim = Claim(self.cluster, namespace, found)
         try:
             claim.renew()  # from here on nobody else changes the robot
             work(claim)
@@ -276,11 +274,8 @@ class StepWatch:
             self.log(f"{step.name}: services were not given back: {error}")
         for member in step.going_back:
             claim.renew()
-            self.cluster.apply(claim.namespace, restored(member, due.reason, self._time()))
+            self.cluster.apply(claim.namespace, restored(member, due.reason, self.cluster.stamp()))
             self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
                 other.nothing = None
-
-    def _time(self) -> str:
-        return lease_time(self.wall())
