@@ -2,12 +2,8 @@
 """What becomes of an action's goals while its server is replaced. Pure: what happens is told to it, with the time.
 
 That is a monotonic clock's, which nobody sets: how long a hold lasts must not follow a wall clock that is put right. It
-begins anew with its computer, so what is kept has seconds to go and ages in its place.
-
-From the hold on, every goal is seen here. One that a server lists in its status is that server's. The others are kept
-until a server is up that was not the one at the beginning, and will stay; then forwarded to it in their order.
-actionlib's servers ignore a goal whose id they list already, so forwarding to one that got the goal directly a moment
-ago does no harm; it is avoided all the same.
+begins anew with its computer, so what is kept has seconds to go and ages in its place. docs/goal-forwarding.md has the
+order of a hand-over.
 """
 
 from __future__ import annotations

@@ -146,11 +146,6 @@ class Keeper:
         if news:
             self.kept.save("registrations", self.memory.as_dict())
 
-    def _keep_params(self, now: float) -> None:
-        due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
-        if self.keeps and (due or self.told_by != self.memory.master):
-            self._read_params(now, self.memory.master)
-
     def _register(self, system: Any, now: float, anew: bool) -> bool:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
 
@@ -244,8 +239,11 @@ class Keeper:
 
     # ---- parameters, and what is kept
 
-    def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
-        """All of them; and have this master tell of changes, which one that does not know the call never does."""
+    def _keep_params(self, now: float) -> None:
+        """Read all of them; and have this master tell of changes, which one that does not know the call never does."""
+        master, due = self.memory.master, now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
+        if not (self.keeps and (due or self.told_by != master)):
+            return
         self.changed = False  # first: what changes while they are read is news
         caller = self.ros.caller
         news = [("subscribeParam", caller, self.uri, "/")] if self.uri and self.told_by != master else []

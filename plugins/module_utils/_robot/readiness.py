@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Readiness gates: the robot's resident process says when a pod is Ready of which versions overlap.
 
-Kubernetes stops the old pod once the new one is Ready, whoever brought it (a run, `kubectl`, another updater). So the
-new one is not before its nodes are wholly in the graph, with all that they owe. Nothing of ours runs in these pods: the
-look is the one that other pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
-
-The proof names the container that was seen. A container that begins anew, also with its host, has none, and is looked
-at again. Where nobody looks (this process or the API is away) no pod becomes Ready, and none that is goes.
+docs/updates.md, "The hand-over", is the manual. Nothing of ours runs in these pods: the look is the one that other
+pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from functools import partial
+from functools import lru_cache, partial
 from typing import Callable, Mapping, Sequence
 
 from .._common.errors import FleetError, RosError
@@ -238,13 +234,18 @@ class Readiness:
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
         settings, address, uid = settings_of(pod), address_of(pod), str(pod["metadata"]["uid"])
-        ros = Ros1Client(self.uri, TIMEOUT, CALLER)
+        ros, record = Ros1Client(self.uri, TIMEOUT, CALLER), record_name(app_of(pod))
 
         def here(state: MasterState) -> Mapping[str, str]:
             return {name: uri for name, uri in places(ros, settings, state).items() if host_of(uri) == address}
 
         def keep(name: str, found: State) -> None:
             self.seen[uid] = OwnNode(name, found.uri, found.services, settings)
+
+        @lru_cache(maxsize=1)
+        def owed(_moment: int) -> Owed:
+            """By the app's record. What is unknown, as the API is away, waits."""
+            return owed_by(record_of(self.cluster.config_map(self.namespace, record)), settings.revision)
 
         outside = Outside(
             run=lambda *_: "",  # its own startup probe has asked the command
@@ -253,7 +254,7 @@ class Readiness:
             places=partial(places, ros, settings),
             children=lambda _addresses: (),
             introduce=partial(introduce, ros),
-            owed=Debts(self.cluster, self.namespace, app_of(pod), settings.revision, self.now),
+            owed=lambda: owed(int(self.now() / OWED)),
             keep=keep,
             measured=Sent(ros),
             now=self.now,
@@ -310,19 +311,3 @@ class Sent:
             rates = self.ros.rates(heard, dict.fromkeys(heard.topics, RATE_WINDOW), patient=True)
             self.taken = rates, self.ros.handshakes(heard, heard.topics)
         return graph.measured(*self.taken)
-
-
-class Debts:
-    """What a pod owes, by its app's record, which is read at most once a second."""
-
-    def __init__(self, cluster: Cluster, namespace: str, app: str, revision: str, now: Callable[[], float]) -> None:
-        self.cluster, self.namespace, self.app, self.revision, self.now = cluster, namespace, app, revision, now
-        self.found: Owed | None = None
-        self.read_at = 0.0
-
-    def __call__(self) -> Owed:
-        """Raises ApiError: what is unknown waits."""
-        if self.found is None or self.now() - self.read_at >= OWED:
-            record = record_of(self.cluster.config_map(self.namespace, record_name(self.app)))
-            self.found, self.read_at = owed_by(record, self.revision), self.now()
-        return self.found

@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The soak: for a while after its run has found a version good, its containers must not end, nor its graph get worse.
 
-A run sees a version work for some seconds. One that crashes, loses a connection or sends less after half a minute is
-seen here, and goes back; the others are proven. Pure but for the look at the graph.
-
-Time counts only while all can be seen. What cannot be seen says nothing: a host that is away or starts anew, a peer
-that is gone, a master that is silent.
+Pure but for the look at the graph. Time counts only while all can be seen. What cannot be seen says nothing.
 """
 
 from __future__ import annotations

@@ -150,9 +150,8 @@ class StepWatch:
         steps = self._steps(namespace, there)
         due = seen.due(steps[UPDATING])
         # what was rolled out once is not failing because its robot starts anew, and the keeper with it
-        known = {**self.came_up, namespace: sorted(seen.came_up)}
-        self.came_up = {space: keys for space, keys in known.items() if keys}
-        self.kept.save(STEPS, self.came_up)
+        came_up = {space: sorted(one.came_up) for space, one in self.observed.items()}
+        self.kept.save(STEPS, {space: keys for space, keys in came_up.items() if keys})
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"

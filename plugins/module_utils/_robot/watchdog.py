@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A pod is begun anew of which a ROS node hangs: not during a goal, not while somebody takes a step, not for ever.
 
-A node hangs when its process does not answer the slave API's `getPid` for so long, while its address refuses nothing.
 A host or a network that is away looks the same from here. So a node counts only while another one of its host answers,
 which for a robot's own master is always so: the keeper itself is on that host, and asks all nodes anyway.
 """

@@ -1,16 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When a robot goes back without a control node, and to what. Pure: time is told to it, and what the API shows.
 
-A step of an update marks its Deployments, and leaves beside each (ConfigMap `<app>-update`) a contract and the version
-before. Whoever takes the step renews the robot's Lease. When nobody does any more, a version that is Ready has
-fulfilled its contract by its own probe: it stays, marked, for the next run. One that does not get ready is taken back,
-with all apps of its step; at once if its container ended with an error, as a run does.
-
-A version that was Ready once and is not any more stays: that alone does not show that the version is bad, as its host
-may be away or have been rebooted. Only a version whose container ends again and again is taken back all the same.
-
-No clock is compared with another one's, and time counts only while the API shows what happens: after a while without
-it the waiting goes on where it was.
+The rules are in docs/updates.md, "Two runs, and a run that ends early". No clock is compared with another one's, and
+time counts only while the API shows what happens.
 """
 
 from __future__ import annotations
