@@ -17,9 +17,8 @@ from .._common.errors import RosError
 from .._ros.latched import FIELDS
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
-from .._ros.registrations import SUBSCRIBER, Call
 from .._ros.replies import connections
-from .._ros.rpc import Api, Deadline, in_parallel, reason
+from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .._ros.streams import TopicStream
 from .._ros.tcpros import (
     CANCEL_DEFINITION,
@@ -249,11 +248,14 @@ class Forwarder(threading.Thread):
     def _introduce(self) -> None:
         """Give the clients back: the server connects to whom it is told publishes."""
         self.introduced = time.monotonic()
-        hold = self.hold
+        scene, own = self.scene, [self.slave.uri] if self.advertised else []
+        told = zip(self.topics, (scene.clients, scene.cancellers if own else {})) if scene else ()
         try:
-            self.ros.introduce([Call(SUBSCRIBER, hold.node, topic, "", hold.server) for topic in self.topics])
-        except RosError as error:
-            self.log(f"the server was not told of its clients: {error}")
+            for topic, nodes in told:
+                if nodes or own:
+                    tell_publishers(self.hold.server, topic, [*nodes.values(), *own], CONNECT)
+        except Exception as error:
+            self.log(f"the server was not told of its clients: {reason(error, self.hold.server, CONNECT)}")
 
     def do(self, todo: Order) -> None:
         goal, (goals, cancels) = todo.goal, self.topics
