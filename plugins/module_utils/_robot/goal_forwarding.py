@@ -14,21 +14,13 @@ from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
+from .._ros import tcpros
 from .._ros.latched import FIELDS
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .._ros.streams import TopicStream
-from .._ros.tcpros import (
-    CANCEL_DEFINITION,
-    CANCEL_MD5SUM,
-    CANCEL_TYPE,
-    cancel_id,
-    decode_status,
-    encode_cancel,
-    goal_id,
-)
 from . import goal_rules as rules
 from .goal_rules import Goal, Hold, Order, Sight
 
@@ -42,7 +34,7 @@ KEEP = 5.0  # between writes of a hold of which nothing is new but the seconds t
 INTRODUCE = 1.0  # between tellings of a server that is not connected to all of its clients, or to us
 RETRY = 1.0  # seconds between attempts to write what could not be written
 FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
-CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
+CANCEL_HEADER = dict(zip(FIELDS, (tcpros.CANCEL_TYPE, tcpros.CANCEL_MD5SUM, tcpros.CANCEL_DEFINITION)))
 
 # what a stream is for
 GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
@@ -151,11 +143,11 @@ class Forwarder(threading.Thread):
         now = time.monotonic()
         try:
             if role == STATUS:
-                listed = decode_status(body)
+                listed = tcpros.decode_status(body)
             elif role == CANCELS:
-                identity, stamp = cancel_id(body)
+                identity, stamp = tcpros.cancel_id(body)
             else:
-                identity, stamp = goal_id(body)
+                identity, stamp = tcpros.goal_id(body)
         except RosError as error:
             self.log(f"{uri} sent what is none of actionlib's messages: {error}")
             return
@@ -265,7 +257,7 @@ class Forwarder(threading.Thread):
             self.log(f"a server is up at {self.hold.server}, {len(self.hold.goals)} goals to forward")
             self._introduce()
         elif todo.kind == rules.CANCEL and goal is not None:
-            self.slave.publish(cancels, encode_cancel(goal.id))
+            self.slave.publish(cancels, tcpros.encode_cancel(goal.id))
             self.log(f"told the server that {goal.id} is cancelled")
         elif todo.kind == rules.SEND and goal is not None:
             reached = self.slave.publish(goals, goal.body)
