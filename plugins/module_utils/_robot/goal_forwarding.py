@@ -37,7 +37,7 @@ FIRST = 3.0  # seconds for all clients to be connected before a hold is confirme
 CANCEL_HEADER = dict(zip(FIELDS, (tcpros.CANCEL_TYPE, tcpros.CANCEL_MD5SUM, tcpros.CANCEL_DEFINITION)))
 
 # what a stream is for
-GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
+GOALS, CANCELS, STATUS, TAKEN = "goal", "cancel", "status", "taken"  # a part of the action; its goals once more
 
 Calls = Mapping[str, Callable[..., "list[Any]"]]  # each answers [code, message, value], as the slave API does
 OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
@@ -50,14 +50,13 @@ class Participants:
 
     def __init__(self, action: str, ros: Registrar, own: str) -> None:
         state = ros.state()
-        names = {part: state.publishers.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
+        names = {part: state.publishers.get(f"{action}/{part}", ()) for part in (GOALS, CANCELS, STATUS)}
         everyone = sorted({name for found in names.values() for name in found} - {own})
         uris = ros.addresses(everyone)[0]
-        self.clients, self.cancellers, self.status = (
-            {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
-        )
+        self.nodes = {part: {name: uris[name] for name in found if name in uris} for part, found in names.items()}
+        self.clients, self.cancellers, self.status = self.nodes.values()
         self.servers = {name: self.status[name] for name in state.servers(action) if name in self.status}
-        self.listed = own in names["goal"]
+        self.listed = own in names[GOALS]
         answers = (f"{action}/result", f"{action}/status")
         self.hears = {topic: set(state.subscribers.get(topic, ())) & set(self.clients) for topic in answers}
 
@@ -92,15 +91,11 @@ class Forwarder(threading.Thread):
         scene, action = self.scene, self.hold.action
         if scene is None:
             return {}
-        own, found = self.slave.name, {}
-        for uri in scene.clients.values():
-            found[GOALS, uri] = (own, f"{action}/goal")
-            # first in our own name: from then on nothing can pass us by
-            if self.hold.taking and self.is_open((GOALS, uri)):
-                found[TAKEN, uri] = (self.hold.node, f"{action}/goal")
-        found.update({(CANCELS, uri): (own, f"{action}/cancel") for uri in scene.cancellers.values()})
-        found.update({(STATUS, uri): (own, f"{action}/status") for uri in scene.status.values()})
-        return found
+        every = [(part, uri) for part, nodes in scene.nodes.items() for uri in nodes.values()]
+        found = {(part, uri): (self.slave.name, f"{action}/{part}") for part, uri in every}
+        # first in our own name: from then on nothing can pass us by
+        taken = [uri for uri in scene.clients.values() if self.hold.taking and self.is_open((GOALS, uri))]
+        return {**found, **{(TAKEN, uri): (self.hold.node, f"{action}/goal") for uri in taken}}
 
     def is_open(self, key: tuple[str, str]) -> bool:
         return key in self.streams and self.streams[key].open

@@ -49,14 +49,13 @@ class Robot:
 class Due:
     """A step that is to go back, by which mark it is known, and why.
 
-    `patient`: one that came up once is not bad for goals that cannot be read. `still` is asked again under the Lease.
+    `patient`: one that came up once is not bad for goals that cannot be read.
     """
 
     step: Step
     key: str
     reason: str
     patient: bool = True
-    still: Callable[[Step], bool] = lambda _step: True
 
 
 class StepWatch:
@@ -155,7 +154,7 @@ class StepWatch:
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
-            self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
+            self._due(namespace, seen, Due(step, UPDATING, reason, patient))
         soaking = self.soaks.setdefault(namespace, Soak()).look(steps[SOAKING], seen.passed, self.ros)
         for one in soaking:
             if one.why:
@@ -246,8 +245,9 @@ class StepWatch:
 
     def _still_due(self, due: Due, claim: Claim) -> None:
         """What was due may be over by now."""
+        seen = self.observed[claim.namespace]
         for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[due.key]:
-            if again.key == due.step.key and due.still(again):
+            if again.key == due.step.key and (due.key == SOAKING or seen.failing(again)):
                 self._go_back(claim, replace(due, step=again))
 
     def _go_back(self, claim: Claim, due: Due) -> None:
