@@ -211,12 +211,7 @@ class Cluster:
         """Each over a connection of its own: who waits for an answer holds up nobody."""
         try:
             token = (self.account / "token").read_text("utf-8").strip()  # anew each time: the kubelet renews it
-            headers = {
-                "Accept": JSON,
-                "User-Agent": MANAGER,
-                "Authorization": f"Bearer {token}",
-                "Content-Type": content,
-            }
+            headers = {"User-Agent": MANAGER, "Authorization": f"Bearer {token}", "Content-Type": content}
             context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
             context.load_verify_locations(str(self.account / "ca.crt"))
             link = http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
