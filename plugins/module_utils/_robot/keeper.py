@@ -292,19 +292,15 @@ class Lifeline:
     def _run(self) -> None:
         try:
             while True:
-                time.sleep(self._connection())
+                with socket.create_connection(self.address, AT_ONCE) as sock:
+                    began = time.monotonic()
+                    sock.settimeout(None)
+                    self.stands = True
+                    with contextlib.suppress(OSError):
+                        sock.recv(1)
+                time.sleep(max(0.0, LEAST - (time.monotonic() - began)))
         except OSError:
             if self.stands:
                 self.wake()
         finally:
             self.stands = False
-
-    def _connection(self) -> float:
-        """One, until it ends; seconds to wait for another one. OSError: there was none."""
-        with socket.create_connection(self.address, AT_ONCE) as sock:
-            began = time.monotonic()
-            sock.settimeout(None)
-            self.stands = True
-            with contextlib.suppress(OSError):
-                sock.recv(1)
-        return max(0.0, LEAST - (time.monotonic() - began))

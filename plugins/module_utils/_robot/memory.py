@@ -273,8 +273,6 @@ def absent_parameters(wanted: Mapping[str, object], present: object, path: str =
     """(name, value) of what `present` does not have. A value that is there is left as it is."""
     there = present if isinstance(present, Mapping) else {}
     for key, value in sorted(wanted.items()):
-        if not path and key in OWN:
-            continue
         name = f"{path}/{key}"
         if key not in there:
             yield name, value
