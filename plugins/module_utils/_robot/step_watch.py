@@ -22,7 +22,7 @@ from .._step.words import FLEET, SOAKING, UPDATING
 from .cluster_api import ApiError, Claim, Cluster, LostError, read_records
 from .memory import KeptFiles, Silence
 from .open_goals import open_goals
-from .soak import Soak
+from .soak import Soaking, soaked
 from .watchdog import Hung, Watchdog
 from .way_back import Observed, Step, member_of, restored, steps_of
 
@@ -76,7 +76,7 @@ class StepWatch:
         self.now, self.sleep = now, sleep
         self.came_up: Mapping[str, list[str]] = kept.load(STEPS) or {}
         self.observed: dict[str, Observed] = {}
-        self.soaks: dict[str, Soak] = {}
+        self.soaking: dict[str, dict[str, Soaking]] = {}
         self.said: dict[str, str] = {}
 
     def run(self) -> None:
@@ -138,7 +138,7 @@ class StepWatch:
     def _look(self, namespace: str, seen: Observed) -> None:
         """What is the whole fleet's has a Lease of its own, too."""
         if not seen.free:
-            self.soaks.pop(namespace, None)  # what is to come may be another version
+            self.soaking.pop(namespace, None)  # what is to come may be another version
             return
         if seen.version != seen.nothing:
             self._steps_left(namespace, seen)
@@ -155,7 +155,7 @@ class StepWatch:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient))
-        soaking = self.soaks.setdefault(namespace, Soak()).look(steps[SOAKING], seen.passed, self.ros)
+        soaking = soaked(self.soaking.setdefault(namespace, {}), steps[SOAKING], seen.passed, self.ros)
         for one in soaking:
             if one.why:
                 reason = f"{one.why}, within {one.step.soak:.0f} s of the update"
