@@ -15,6 +15,7 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._ros import tcpros
+from .._ros.backend import MasterState
 from .._ros.latched import FIELDS
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
@@ -48,11 +49,9 @@ SWITCHED_OFF: Calls = {"hold": lambda *_: [0, OFF, 0], "release": lambda _: [1, 
 class Participants:
     """By the master's word: name -> address of clients, who cancels, who publishes a status, and whole servers."""
 
-    def __init__(self, action: str, ros: Registrar, own: str) -> None:
-        state = ros.state()
+    def __init__(self, action: str, ros: Registrar, own: str, state: MasterState) -> None:
         names = {part: state.publishers.get(f"{action}/{part}", ()) for part in (GOALS, CANCELS, STATUS)}
-        everyone = sorted({name for found in names.values() for name in found} - {own})
-        uris = ros.addresses(everyone)[0]
+        uris = ros.addresses(sorted({name for found in names.values() for name in found} - {own}))[0]
         self.nodes = {part: {name: uris[name] for name in found if name in uris} for part, found in names.items()}
         self.clients, self.cancellers, self.status = self.nodes.values()
         self.servers = {name: self.status[name] for name in state.servers(action) if name in self.status}
@@ -74,7 +73,7 @@ class Forwarder(threading.Thread):
         self.streams: dict[tuple[str, str], TopicStream] = {}
         self.due: dict[tuple[str, str], float] = {}  # from when on to try again; what is being tried: inf
         self.complained: set[tuple[str, str]] = set()
-        self.scene: Participants | None = None
+        self.scene = Participants(hold.action, self.ros, self.slave.name, MasterState())
         self.advertised = False
         self.over = self.dirty = False
         self.introduced = self.asked = self.kept = 0.0
@@ -89,8 +88,6 @@ class Forwarder(threading.Thread):
     def wanted(self) -> dict[tuple[str, str], tuple[str, str]]:
         """Streams that there should be: (role, address) -> caller id and topic."""
         scene, action = self.scene, self.hold.action
-        if scene is None:
-            return {}
         every = [(part, uri) for part, nodes in scene.nodes.items() for uri in nodes.values()]
         found = {(part, uri): (self.slave.name, f"{action}/{part}") for part, uri in every}
         # first in our own name: from then on nothing can pass us by
@@ -109,7 +106,7 @@ class Forwarder(threading.Thread):
             if key not in self.streams and now >= self.due.get(key, 0.0):
                 self.due[key] = math.inf
                 threading.Thread(target=self._connect, args=(key, caller, topic), daemon=True).start()
-        clients = self.scene.clients.values() if self.scene else ()
+        clients = self.scene.clients.values()
         return sum(not (self.is_open((GOALS, uri)) and self.is_open((TAKEN, uri))) for uri in clients)
 
     def _connect(self, key: tuple[str, str], caller: str, topic: str) -> None:
@@ -164,8 +161,6 @@ class Forwarder(threading.Thread):
     def sight(self, now: float) -> Sight:
         """What the network shows of the server that goals should go to."""
         scene, action = self.scene, self.hold.action
-        if scene is None:
-            return Sight()
         living = {name: uri for name, uri in scene.servers.items() if self.is_open((STATUS, uri))}
         server = self.hold.pick(living, now)
         if not server:
@@ -211,8 +206,8 @@ class Forwarder(threading.Thread):
 
     def _advertise(self) -> None:
         """Let the server come: it hears of us through the master, as of any client."""
-        listed = self.scene is not None and self.scene.listed  # not by a master that was restarted meanwhile
-        if (self.advertised and listed) or not self.header.get("md5sum"):
+        listed = self.advertised and self.scene.listed  # not by a master that was restarted meanwhile
+        if listed or not self.header.get("md5sum"):
             return
         self.advertised = True
         calls = []
@@ -236,9 +231,8 @@ class Forwarder(threading.Thread):
         """Give the clients back: the server connects to whom it is told publishes."""
         self.introduced = time.monotonic()
         scene, own = self.scene, [self.slave.uri] if self.advertised else []
-        told = zip(self.topics, (scene.clients, scene.cancellers if own else {})) if scene else ()
         try:
-            for topic, nodes in told:
+            for topic, nodes in zip(self.topics, (scene.clients, scene.cancellers if own else {})):
                 if nodes or own:
                     tell_publishers(self.hold.server, topic, [*nodes.values(), *own], CONNECT)
         except Exception as error:
@@ -272,7 +266,7 @@ class Forwarder(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        scene = Participants(self.hold.action, self.ros, self.slave.name)
+        scene = Participants(self.hold.action, self.ros, self.slave.name, self.ros.state())
         with self.lock:  # a tick sees one scene from its beginning to its end
             self.scene = scene
 
@@ -373,7 +367,7 @@ class GoalForwarding:
         if not one.is_alive():
             one.start()
         self.save()
-        clients = len(one.scene.clients) if one.scene else 0
+        clients = len(one.scene.clients)
         one.log(f"held for {float(seconds):g} s, from {clients} clients")
         missing = f"{waiting} of {clients} clients are not connected" if waiting else ""
         return [1, missing, clients - waiting]

@@ -37,7 +37,6 @@ from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
 TIMEOUT = 2.0
-PAUSE = 5.0  # seconds between two looks at its code, where it has nothing else to do
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended

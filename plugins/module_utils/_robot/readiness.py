@@ -108,7 +108,7 @@ class Readiness:
         self.namespace = cluster.home
         self.pods: dict[str, Object] = {}  # by uid, those with our gate
         self.seen: dict[str, OwnNode] = {}  # by uid, the node that was found of a pod last
-        self.at_work: dict[str, str] = {}  # by uid: the container that is looked at, or END
+        self.at_work: set[tuple[str, str]] = set()  # uid, and the container that is looked at, or END
         self.said = ""
         self.lock = threading.Lock()
 
@@ -163,10 +163,10 @@ class Readiness:
 
     def _begin(self, uid: str, work: str) -> None:
         with self.lock:
-            if self.at_work.get(uid) == work:
-                return
-            self.at_work[uid] = work
-        self.start(partial(self._work, uid, work))
+            new = (uid, work) not in self.at_work
+            self.at_work.add((uid, work))
+        if new:
+            self.start(partial(self._work, uid, work))
 
     def start(self, work: Callable[[], None]) -> None:
         threading.Thread(target=work, daemon=True).start()
@@ -181,9 +181,7 @@ class Readiness:
             if not isinstance(error, ApiError):  # the watch tells of an API that is away
                 self.log(f"pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
-        with self.lock:
-            if self.at_work.get(uid) == work:
-                del self.at_work[uid]
+        self.at_work.discard((uid, work))
         pod = self.pods.get(uid)
         if work != END and pod is not None and due(pod) == PROVE:  # it ended by an error, or was proven just now
             self._begin(uid, container_of(pod))
