@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
@@ -309,19 +309,17 @@ class Forwarder(threading.Thread):
             self._introduce()
 
 
+@dataclass(eq=False)
 class GoalForwarding:
     """All holds. `stays` says of an action's server whether it will stay: only then it gets what is held."""
 
-    def __init__(
-        self,
-        ros: Registrar,
-        slave: Slave,
-        write: Callable[[Any], bool],
-        log: Callable[[str], None],
-        stays: Callable[[str, str], bool],
-    ) -> None:
-        self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
-        self.write = write
+    ros: Registrar
+    slave: Slave
+    write: Callable[[Any], bool]
+    log: Callable[[str], None]
+    stays: Callable[[str, str], bool]
+
+    def __post_init__(self) -> None:
         self.forwarders: dict[str, Forwarder] = {}
         self.lock = threading.RLock()
         self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}

@@ -35,22 +35,21 @@ class Owned:
     servers: Mapping[str, str] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
 class Holds:
     """Those of all namespaces. Threads may share it; KubeError where the API does not answer."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-        self,
-        cluster: Cluster,
-        ros: Ros1Client,
-        keeper: KeeperCalls,
-        kept: KeptFiles,
-        now: Callable[[], float] = time.monotonic,
-        wall: Callable[[], float] = time.time,
-    ) -> None:
-        self.cluster, self.ros, self.keeper, self.kept, self.now, self.wall = cluster, ros, keeper, kept, now, wall
+    cluster: Cluster
+    ros: Ros1Client
+    keeper: KeeperCalls
+    kept: KeptFiles
+    now: Callable[[], float] = time.monotonic
+    wall: Callable[[], float] = time.time
+
+    def __post_init__(self) -> None:
         self.lock = threading.RLock()
-        there = (kept.load(PART) or {}).items()
-        self.held = {space: Owned(one["version"], now() + one["left"], one["servers"]) for space, one in there}
+        there, now = (self.kept.load(PART) or {}).items(), self.now()
+        self.held = {space: Owned(one["version"], now + one["left"], one["servers"]) for space, one in there}
 
     def watch(self, namespace: str, lease: Object | None) -> None:
         """A look where the Lease, as it was seen, or what is known of it says that somebody has a hold."""

@@ -12,6 +12,7 @@ import math
 import socket
 import threading
 import time
+from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import RosError
@@ -39,33 +40,27 @@ AT_ONCE = 0.5  # seconds for a connection, which takes milliseconds: one that wa
 LEAST = 1.0  # seconds between connections: one that hangs up at once would be connected to all the time
 
 
+@dataclass(eq=False)
 class Keeper:
     """Keeps one graph's registrations and parameters."""
 
-    def __init__(  # noqa: PLR0913 - the clock is the price of tests that never wait
-        self,
-        ros: Registrar,
-        kept: KeptFiles,
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-        uri: str = "",
-        keeps: bool = True,
-    ) -> None:
-        """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change.
+    ros: Registrar
+    kept: KeptFiles
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic  # a clock that nobody sets
+    uri: str = ""  # where the master can tell us of parameters that change
+    keeps: bool = True  # else the master is somebody else's: it is only looked at, and given nothing back by itself
 
-        Not `keeps`: the master is somebody else's. It is only looked at, and nothing is given back to it by itself.
-        """
-        self.keeps = keeps
-        self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
+    def __post_init__(self) -> None:
         self.restarted_at = -math.inf  # when another master was seen than this process had seen before, by `now`
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
-        self.restless = now()
-        self.memory = memory.from_dict(kept.load("registrations"), now())
-        self.params: str = str(kept.load("parameters") or "")
+        self.restless = self.now()
+        self.memory = memory.from_dict(self.kept.load("registrations"), self.now())
+        self.params: str = str(self.kept.load("parameters") or "")
         self.params_at = 0.0
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
-        self.complete = bool(self.memory.master and self.params) or not keeps
+        self.complete = bool(self.memory.master and self.params) or not self.keeps
         self.away = ""
         self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}

@@ -12,6 +12,7 @@ import selectors
 import socket
 import threading
 import time
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Callable
@@ -34,20 +35,19 @@ CONNECT = 2.0
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
+@dataclass(eq=False)
 class LatchedTopics:
     """All values that are kept."""
 
-    def __init__(
-        self,
-        ros: Registrar,
-        slave: Slave,
-        files: KeptFiles,
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.ros, self.slave, self.files, self.log, self.now = ros, slave, files, log, now
-        self.caller = f"{slave.name}_latched"
-        self.directory = files.directory / PART
+    ros: Registrar
+    slave: Slave
+    files: KeptFiles
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic
+
+    def __post_init__(self) -> None:
+        self.caller = f"{self.slave.name}_latched"
+        self.directory = self.files.directory / PART
         self.values: dict[tuple[str, str], Value] = {}
         self.ears: dict[tuple[str, str], Ear] = {}
         self.given: set[str] = set()  # topics that we have at the master, as far as it was told

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Callable, Mapping, Sequence
 
@@ -85,27 +86,20 @@ def address_of(pod: Object) -> str:
 # ---- doing it
 
 
+@dataclass(eq=False)
 class Readiness:
     """The gates of one namespace's pods. Each pod that is looked at has a thread for as long as that takes."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-        self,
-        cluster: Cluster,
-        uri: str,
-        keep_latched: Callable[[str, str, float], object],
-        restarted_at: Callable[[], float],
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        """`uri` is the ROS master's; `keep_latched` (node, its address, seconds) takes what a node has latched.
+    cluster: Cluster
+    uri: str  # the ROS master's
+    keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
+    restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
 
-        `restarted_at`: when the master was seen to be another one than before, by `now`.
-        """
-        self.cluster, self.uri, self.keep_latched, self.log = cluster, uri, keep_latched, log
-        self.restarted_at = restarted_at
-        self.now, self.sleep = now, sleep
-        self.namespace = cluster.home
+    def __post_init__(self) -> None:
+        self.namespace = self.cluster.home
         self.pods: dict[str, Object] = {}  # by uid, those with our gate
         self.seen: dict[str, OwnNode] = {}  # by uid, the node that was found of a pod last
         self.at_work: set[tuple[str, str]] = set()  # uid, and the container that is looked at, or END

@@ -58,23 +58,21 @@ class Due:
     patient: bool = True
 
 
+@dataclass(eq=False)
 class StepWatch:
     """Looks at all namespaces, and longer where something is due."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-        self,
-        cluster: Cluster,
-        ros: Backend,
-        robot: Robot,
-        kept: KeptFiles,
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        self.cluster, self.ros, self.robot, self.kept, self.log = cluster, ros, robot, kept, log
-        self.watchdog = Watchdog(cluster, ros, robot.silence, now)
-        self.now, self.sleep = now, sleep
-        self.came_up: Mapping[str, list[str]] = kept.load(STEPS) or {}
+    cluster: Cluster
+    ros: Backend
+    robot: Robot
+    kept: KeptFiles
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+
+    def __post_init__(self) -> None:
+        self.watchdog = Watchdog(self.cluster, self.ros, self.robot.silence, self.now)
+        self.came_up: Mapping[str, list[str]] = self.kept.load(STEPS) or {}
         self.observed: dict[str, Observed] = {}
         self.soaking: dict[str, dict[str, Soaking]] = {}
         self.said: dict[str, str] = {}
