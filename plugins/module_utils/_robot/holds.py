@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Robots that somebody else's update has. Their Lease alone says so: the owner writes it, with rights of his own.
 
-While an owner has it, new goals are held of the actions that were held when he began. The hold ends with the Lease:
-when the owner lets go, or when its time is over by a clock that nobody sets. Then the keeper frees the Lease.
+docs/other-updaters.md, "A hold", is the manual. The time of a hold is counted by a clock that nobody sets.
 """
 
 from __future__ import annotations

@@ -266,10 +266,8 @@ def in_words(calls: Iterable[Call]) -> str:
 class Lifeline:
     """A connection to the master over which nothing is said: its end, with the master's process, is noticed at once.
 
-    So the keeper need not ask once a second whether the master is still the same. A master that hangs up on whoever
-    says nothing (`roscore -t 2`: after two seconds) is connected to again: where that fails, it has ended. A host that
-    loses its power closes no connection; whoever holds this still has to look now and then. `wake` is called, in a
-    thread of its own, when the master has ended.
+    A master that hangs up on whoever says nothing (`roscore -t 2`: after two seconds) is connected to again: where that
+    fails, it has ended, and `wake` is called in a thread of its own. A host that loses its power closes no connection.
     """
 
     def __init__(self, address: tuple[str, int], wake: Callable[[], None]) -> None:

@@ -51,7 +51,7 @@ class LatchedTopics:
         self.values: dict[tuple[str, str], Value] = {}
         self.ears: dict[tuple[str, str], Ear] = {}
         self.given: set[str] = set()  # topics that we have at the master, as far as it was told
-        self.reserved = 0
+        self.taking: dict[Path, int] = {}  # files that are written just now, with their sizes
         self.thread: threading.Thread | None = None
         self.lock = threading.RLock()
 
@@ -102,28 +102,26 @@ class LatchedTopics:
         if not topics:
             return {}, []
         self.directory.mkdir(exist_ok=True)
-        reserved: list[int] = []
         files = {topic: self.directory / os.urandom(8).hex() for topic in topics}
         tasks: dict[Any, Callable[[], Any]] = {
-            topic: partial(take, topic, uri, self.caller, file, partial(self._reserve, reserved), seconds)
+            topic: partial(take, topic, uri, self.caller, file, partial(self._reserve, file), seconds)
             for topic, file in files.items()
         }
         results = in_parallel(tasks, seconds, lambda topic, error: f"{topic}: {reason(error, uri, seconds)}")
         with self.lock:
-            self.reserved -= sum(reserved)
+            self.taking = {file: size for file, size in self.taking.items() if file not in files.values()}
         found = {topic: (result, files[topic]) for topic, result in results.items() if isinstance(result, dict)}
         for topic in set(files) - set(found):
             with contextlib.suppress(OSError):
                 files[topic].unlink()
         return found, [result for result in results.values() if isinstance(result, str)]
 
-    def _reserve(self, reserved: list[int], _topic: str, size: int) -> None:
+    def _reserve(self, file: Path, _topic: str, size: int) -> None:
         with self.lock:
-            used = self.reserved + sum(value.size for value in self.values.values())
+            used = sum(self.taking.values()) + sum(value.size for value in self.values.values())
             if size > MESSAGE or used + size > TOTAL:
                 raise RosError(f"{size} bytes, of {MESSAGE} for a message and {TOTAL - used} left for all")
-            self.reserved += size
-            reserved.append(size)
+            self.taking[file] = size
 
     def _add(self, value: Value) -> None:
         with self.lock:

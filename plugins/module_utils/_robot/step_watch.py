@@ -94,7 +94,7 @@ class StepWatch:
             self._away(CLUSTER, error)
             return
         began = self.now()
-        known = {name: self.observed.get(name) or Observed(self.came_up.get(name, ())) for name in leases}
+        known = {name: self.observed.get(name) or Observed(frozenset(self.came_up.get(name, ()))) for name in leases}
         self.observed = known
         for namespace, seen in known.items():
             seen.lease(leases[namespace], began)
