@@ -74,7 +74,6 @@ class Hold:
     goals: dict[str, Goal] = field(default_factory=dict)
     shown: dict[str, bool] = field(default_factory=dict)  # ids that a server has listed, in the order of their coming
     forwarded: int = 0
-    anyone: bool = False  # the server of the beginning will do, too
     server: str = ""
     since: float = 0.0
     opened: float | None = None
@@ -87,13 +86,12 @@ class Hold:
     def again(self, node: str, uri: str, until: float) -> None:
         """Held once more, for the server of now; what is held stays."""
         self.node, self.old_uri, self.until = node, uri, until
-        self.anyone = self.warned = False
+        self.warned = False
         self._lose()
 
     def release(self, now: float) -> None:
         """Any server will do, and at once."""
         self.until = min(self.until, now)
-        self.anyone = True
 
     def goal(self, goal: Goal) -> bool:
         """A client sent a goal; whether it is news."""
@@ -138,8 +136,7 @@ class Hold:
 
     def pick(self, servers: Mapping[str, str], now: float) -> str:
         """The address to forward to, among living servers (name -> address)."""
-        anyone = self.anyone or now > self.until
-        good = {name: uri for name, uri in servers.items() if anyone or uri != self.old_uri}
+        good = {name: uri for name, uri in servers.items() if now >= self.until or uri != self.old_uri}
         return next((good[name] for name in (self.node, *sorted(good)) if name in good), "")
 
     @property

@@ -44,7 +44,7 @@ class Memory:
     missed: dict[str, float] = field(default_factory=dict)  # node that lacks something -> after when to ask it
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
-    silent: dict[str, tuple[float, float]] = field(default_factory=dict)  # node -> first and last look in vain
+    silent: dict[str, float] = field(default_factory=dict)  # node -> first look in vain, since when all were
 
     # ---- what is there
 
@@ -159,7 +159,7 @@ class Memory:
             if known is None or known.uri != entry.uri:
                 continue  # a newer process took the name while we asked
             if answers[node].verdict == registrations.UNKNOWN:
-                self.silent[node] = (self.silent.get(node, (now, now))[0], now)
+                self.silent.setdefault(node, now)
             else:
                 self.silent.pop(node, None)
             if not registrations.gone(entry, answers[node]):
@@ -172,8 +172,8 @@ class Memory:
 
     def silence(self) -> Silence:
         """Who does not answer, and who did when that was seen last. Only looks count: none was made meanwhile."""
-        silent = {node: (self.nodes[node].uri, last - first) for node, (first, last) in self.silent.items()}
-        since = max((last for _first, last in self.silent.values()), default=0.0) - 2 * PERIOD
+        silent = {node: (self.nodes[node].uri, self.seen[node] - first) for node, first in self.silent.items()}
+        since = max((self.seen[node] for node in silent), default=0.0) - 2 * PERIOD
         answered = [node for node, at in self.seen.items() if node in self.nodes and at >= since]
         unsure = {*self.silent, *self.suspects}
         return Silence(silent, frozenset(self.nodes[node].uri for node in answered if node not in unsure))
