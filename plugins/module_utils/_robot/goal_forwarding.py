@@ -249,8 +249,7 @@ class Forwarder(threading.Thread):
             self.slave.publish(cancels, tcpros.encode_cancel(goal.id))
             self.log(f"told the server that {goal.id} is cancelled")
         elif todo.kind == rules.SEND and goal is not None:
-            reached = self.slave.publish(goals, goal.body)
-            if reached:
+            if self.slave.publish(goals, goal.body):
                 self.log(f"forwarded {goal.id}, {time.monotonic() - goal.arrived:.2f} s after it came")
             else:
                 goal.sent = None
