@@ -47,18 +47,8 @@ from ansible.module_utils.urls import open_url
 from ..module_utils._common.documents import Arguments
 from ..module_utils._common.errors import FleetError, NotReadyError
 from ..module_utils._common.poll import PASS, poll
+from ..module_utils._host import k3s
 from ..module_utils._host.facts import Facts, collect, k3s_facts
-from ..module_utils._host.k3s import (
-    BINARY,
-    SERVICES,
-    Host,
-    K3sHost,
-    fetch,
-    listed_sum,
-    proxies,
-    sha256,
-    without_secrets,
-)  # fmt: skip
 from ..module_utils._host.k3s_change import NEXT, K3sChange
 from ..module_utils._host.k3s_remove import Remover
 from ..module_utils._ros import jobs, traffic
@@ -74,14 +64,14 @@ def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
     `arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds.
     """
     began, ports = time.time(), [(port["protocol"], port["port"]) for port in arguments["ports"]]
-    found = collect(Host(), ports, arguments["reach"], arguments["timeout"])
+    found = collect(k3s.Host(), ports, arguments["reach"], arguments["timeout"])
     # Both readings, for the action: the time in between is the module's own work, no part of the way.
     return {"changed": False, "facts": {**found, "clock": {"began": began, "ended": time.time()}}}
 
 
 def look(module: AnsibleModule, arguments: Arguments) -> Facts:
     """See `k3s_facts`. Tokens are compared on the host and never returned."""
-    return {"changed": False, **k3s_facts(K3sHost(module.run_command), arguments)}
+    return {"changed": False, **k3s_facts(k3s.K3sHost(module.run_command), arguments)}
 
 
 def k3s_ready(module: AnsibleModule, arguments: Arguments) -> Facts:
@@ -90,8 +80,8 @@ def k3s_ready(module: AnsibleModule, arguments: Arguments) -> Facts:
     `member` is the Node's name of a server that shares its datastore with others: its vote in etcd is waited for, too.
     NotReadyError has the last observation and the end of the unit's journal, without tokens and passwords.
     """
-    host, role, timeout = K3sHost(module.run_command), arguments["role"], arguments["timeout"]
-    service = SERVICES[role]
+    host, role, timeout = k3s.K3sHost(module.run_command), arguments["role"], arguments["timeout"]
+    service = k3s.SERVICES[role]
     began = time.time() - 5  # the start was asked for just before
     restarts = int(host.show(service).get("NRestarts") or 0)
     polled = poll(lambda: host.look(role, arguments.get("member", ""), restarts), timeout, LOOKS)
@@ -110,15 +100,15 @@ def k3s_download(module: AnsibleModule, arguments: Arguments) -> Facts:
     """
     url, place, expected = arguments["url"], Path(arguments["dest"]), arguments["sha256"]
     if module.check_mode:
-        return {"changed": not expected or sha256(place) != expected}
-    os.environ.update(proxies(arguments["environment"]))
+        return {"changed": not expected or k3s.sha256(place) != expected}
+    os.environ.update(k3s.proxies(arguments["environment"]))
     try:
         if not expected:
             sums = open_url(arguments["sums"], timeout=ANSWER).read().decode()
-            expected = listed_sum(sums, url.rpartition("/")[2], arguments["sums"])
-        return {"changed": fetch(lambda at: open_url(at, timeout=ANSWER), url, place, expected)}
+            expected = k3s.listed_sum(sums, url.rpartition("/")[2], arguments["sums"])
+        return {"changed": k3s.fetch(lambda at: open_url(at, timeout=ANSWER), url, place, expected)}
     except (FleetError, OSError) as error:
-        raise FleetError(without_secrets(f"{url} could not be downloaded: {error}")) from error
+        raise FleetError(k3s.without_secrets(f"{url} could not be downloaded: {error}")) from error
 
 
 def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
@@ -140,7 +130,7 @@ def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
             record = change.record()
     return {
         "changed": changed,
-        "staged": change.version(BINARY + NEXT),
+        "staged": change.version(k3s.BINARY + NEXT),
         "version": record.version,
         "unproven": record.unproven,
         "start": change.invocation(),

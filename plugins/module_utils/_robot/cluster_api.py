@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import ssl
-import threading
 import time
 from pathlib import Path
 from typing import Callable, Iterable, Iterator, Mapping
@@ -42,25 +42,19 @@ class ApiError(KubeError):
         self.status = status
 
 
-def in_cluster(environ: Mapping[str, str], account: str = ACCOUNT) -> Cluster:
-    """The cluster that this pod runs in; KubeError where it was given no access."""
-    host, directory = environ.get("KUBERNETES_SERVICE_HOST", ""), Path(account)
-    if not host:
-        raise KubeError("this is no pod of a cluster (no KUBERNETES_SERVICE_HOST)")
-    missing = [name for name in ("token", "ca.crt", "namespace") if not (directory / name).exists()]
-    if missing:
-        raise KubeError(f"no {missing[0]} is mounted at {account} (automountServiceAccountToken)")
-    return Cluster(host, int(environ.get("KUBERNETES_SERVICE_PORT") or 443), directory)
-
-
 class Cluster:
     """What the keeper reads and writes; ApiError where that fails. Threads may share it."""
 
-    def __init__(self, host: str, port: int, account: Path, now: Callable[[], float] = time.monotonic) -> None:
-        self.host, self.port, self.account, self.now = host, port, account, now
-        self.home = (account / "namespace").read_text("utf-8").strip()
-        self._link: http.client.HTTPSConnection | None = None
-        self._lock = threading.Lock()
+    def __init__(self, environ: Mapping[str, str], account: str, now: Callable[[], float] = time.monotonic) -> None:
+        """The cluster that this pod runs in; KubeError where it was given no access."""
+        self.host, self.account, self.now = environ.get("KUBERNETES_SERVICE_HOST", ""), Path(account), now
+        if not self.host:
+            raise KubeError("this is no pod of a cluster (no KUBERNETES_SERVICE_HOST)")
+        missing = [name for name in ("token", "ca.crt", "namespace") if not (self.account / name).exists()]
+        if missing:
+            raise KubeError(f"no {missing[0]} is mounted at {account} (automountServiceAccountToken)")
+        self.port = int(environ.get("KUBERNETES_SERVICE_PORT") or 443)
+        self.home = (self.account / "namespace").read_text("utf-8").strip()
         self._robots: tuple[float, list[str]] | None = None
 
     # ---- objects
@@ -118,18 +112,11 @@ class Cluster:
         """What happens to them from that version on, for some seconds: `{type, object}` as the API sends it."""
         query = {"labelSelector": OURS, "watch": "1", "allowWatchBookmarks": "1", "resourceVersion": version}
         path = f"{_path(namespace, 'Pod')}?{urlencode({**query, 'timeoutSeconds': str(WATCH_SECONDS)})}"
-        link = self._connection(SILENT_SECONDS)
-        try:
-            link.request("GET", path, headers=self._headers())
-            answer = link.getresponse()
+        with self._answer(SILENT_SECONDS, "GET", path) as answer:
             if answer.status >= 300:
                 raise ApiError(f"the Kubernetes API answered {answer.status} to a watch of {namespace}", answer.status)
             for line in answer:
                 yield json.loads(line)
-        except (OSError, http.client.HTTPException, ValueError) as error:
-            raise self._unreachable(error) from error
-        finally:
-            link.close()
 
     def set_condition(self, namespace: str, pod: Object, condition: Object) -> None:
         """One of this very pod's."""
@@ -164,13 +151,14 @@ class Cluster:
         }
         self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body)
 
-    def tell(self, namespace: str, pod: Object, reason: str, message: str, at: str) -> None:
+    def tell(self, namespace: str, pod: Object, reason: str, message: str) -> None:
         """A warning among the pod's Events."""
-        about = {"apiVersion": "v1", "kind": "Pod", "name": name_of(pod), "namespace": namespace}
+        name, at = name_of(pod), self.stamp()
+        about = {"apiVersion": "v1", "kind": "Pod", "name": name, "namespace": namespace}
         body = {
             "apiVersion": "v1",
             "kind": "Event",
-            "metadata": {"name": f"{name_of(pod)}.{''.join(filter(str.isdigit, at))}", "namespace": namespace},
+            "metadata": {"name": f"{name}.{''.join(filter(str.isdigit, at))}", "namespace": namespace},
             "involvedObject": {**about, "uid": pod["metadata"]["uid"]},
             "type": "Warning",
             "reason": reason,
@@ -181,6 +169,11 @@ class Cluster:
             "source": {"component": KEEPER},
         }
         self._send("POST", _path(namespace, "Event"), {}, body)
+
+    @staticmethod
+    def stamp() -> str:
+        """The time now, as objects have it."""
+        return lease_time(time.time())
 
     # ---- requests
 
@@ -200,10 +193,10 @@ class Cluster:
     ) -> Object:
         target = f"{path}?{urlencode(query)}" if query else path
         data = None if body is None else json.dumps(body).encode()
-        with self._lock:
-            status, answer = self._exchange(method, target, data, content)
+        with self._answer(SECONDS, method, target, data, content) as answer:
+            status, said = answer.status, answer.read()
         try:
-            found: Object = json.loads(answer)
+            found: Object = json.loads(said)
             message = "" if status < 300 else str(found.get("message", ""))
         except (AttributeError, ValueError):
             raise ApiError(f"the Kubernetes API at {self.host} answered {status} and no JSON for {path}") from None
@@ -211,33 +204,23 @@ class Cluster:
             raise ApiError(f"the Kubernetes API answered {status} for {method} {path}: {message}", status)
         return found
 
-    def _exchange(self, method: str, target: str, data: bytes | None, content: str) -> tuple[int, bytes]:
-        """Over the connection of the last request, which the server may have closed; then over a new one."""
-        kept = self._link is not None
+    @contextlib.contextmanager
+    def _answer(
+        self, seconds: float, method: str, target: str, data: bytes | None = None, content: str = JSON
+    ) -> Iterator[http.client.HTTPResponse]:
+        """Each over a connection of its own: who waits for an answer holds up nobody."""
         try:
-            link = self._link = self._link or self._connection()
-            link.request(method, target, data, {**self._headers(), **({"Content-Type": content} if data else {})})
-            answer = link.getresponse()
-            return answer.status, answer.read()
+            token = (self.account / "token").read_text("utf-8").strip()  # anew each time: the kubelet renews it
+            headers = {"User-Agent": MANAGER, "Authorization": f"Bearer {token}", "Content-Type": content}
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+            context.load_verify_locations(str(self.account / "ca.crt"))
+            link = http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
+            with contextlib.closing(link):
+                link.request(method, target, data, {"Accept": JSON, **headers})
+                yield link.getresponse()
         except (OSError, http.client.HTTPException, ValueError) as error:
-            if self._link is not None:
-                self._link.close()
-            self._link = None
-            if kept:
-                return self._exchange(method, target, data, content)
-            raise self._unreachable(error) from error
-
-    def _unreachable(self, error: Exception) -> ApiError:
-        return ApiError(f"the Kubernetes API at {self.host} cannot be reached: {str(error) or type(error).__name__}")
-
-    def _headers(self) -> dict[str, str]:
-        token = (self.account / "token").read_text("utf-8").strip()  # anew each time: the kubelet renews it
-        return {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {token}"}
-
-    def _connection(self, seconds: float = SECONDS) -> http.client.HTTPSConnection:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        context.load_verify_locations(str(self.account / "ca.crt"))
-        return http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
+            why = str(error) or type(error).__name__
+            raise ApiError(f"the Kubernetes API at {self.host} cannot be reached: {why}") from error
 
 
 def _path(namespace: str, kind: str, name: str = "") -> str:
@@ -257,8 +240,8 @@ class LostError(FleetError):
 class Claim:
     """The Lease while the keeper changes something: the API refuses a write if somebody else made one since."""
 
-    def __init__(self, cluster: Cluster, namespace: str, found: Object | None, at: Callable[[], str]) -> None:
-        self.cluster, self.namespace, self.at = cluster, namespace, at
+    def __init__(self, cluster: Cluster, namespace: str, found: Object | None) -> None:
+        self.cluster, self.namespace = cluster, namespace
         self.found: Object = found or {"metadata": {"name": LEASE, "namespace": namespace}}
 
     def renew(self) -> None:
@@ -268,7 +251,7 @@ class Claim:
 
     def write(self, holder: str = "") -> bool:
         """With this holder, or nobody, to let it go; False: it was another one's, and stays so."""
-        body = lease_with(holder, self.found, KEEPER, LEASE_SECONDS, self.at())
+        body = lease_with(holder, self.found, KEEPER, LEASE_SECONDS, self.cluster.stamp())
         written = self.cluster.write_lease(self.namespace, body)
         self.found = written or self.found
         return written is not None

@@ -6,27 +6,22 @@ docs/goal-forwarding.md is its manual.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
+from .._ros import tcpros
+from .._ros.backend import MasterState
+from .._ros.latched import FIELDS
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .._ros.streams import TopicStream
-from .._ros.tcpros import (
-    CANCEL_DEFINITION,
-    CANCEL_MD5SUM,
-    CANCEL_TYPE,
-    cancel_id,
-    decode_status,
-    encode_cancel,
-    goal_id,
-)
 from . import goal_rules as rules
 from .goal_rules import Goal, Hold, Order, Sight
 
@@ -40,11 +35,10 @@ KEEP = 5.0  # between writes of a hold of which nothing is new but the seconds t
 INTRODUCE = 1.0  # between tellings of a server that is not connected to all of its clients, or to us
 RETRY = 1.0  # seconds between attempts to write what could not be written
 FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
-FIELDS = ("type", "md5sum", "message_definition")
-CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
+CANCEL_HEADER = dict(zip(FIELDS, (tcpros.CANCEL_TYPE, tcpros.CANCEL_MD5SUM, tcpros.CANCEL_DEFINITION)))
 
 # what a stream is for
-GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
+GOALS, CANCELS, STATUS, TAKEN = "goal", "cancel", "status", "taken"  # a part of the action; its goals once more
 
 Calls = Mapping[str, Callable[..., "list[Any]"]]  # each answers [code, message, value], as the slave API does
 OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
@@ -55,16 +49,13 @@ SWITCHED_OFF: Calls = {"hold": lambda *_: [0, OFF, 0], "release": lambda _: [1, 
 class Participants:
     """By the master's word: name -> address of clients, who cancels, who publishes a status, and whole servers."""
 
-    def __init__(self, action: str, ros: Registrar, own: str) -> None:
-        state = ros.state()
-        names = {part: state.publishers.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
-        everyone = sorted({name for found in names.values() for name in found} - {own})
-        uris = ros.addresses(everyone)[0]
-        self.clients, self.cancellers, self.status = (
-            {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
-        )
+    def __init__(self, action: str, ros: Registrar, own: str, state: MasterState) -> None:
+        names = {part: state.publishers.get(f"{action}/{part}", ()) for part in (GOALS, CANCELS, STATUS)}
+        uris = ros.addresses(sorted({name for found in names.values() for name in found} - {own}))[0]
+        self.nodes = {part: {name: uris[name] for name in found if name in uris} for part, found in names.items()}
+        self.clients, self.cancellers, self.status = self.nodes.values()
         self.servers = {name: self.status[name] for name in state.servers(action) if name in self.status}
-        self.listed = own in names["goal"]
+        self.listed = own in names[GOALS]
         answers = (f"{action}/result", f"{action}/status")
         self.hears = {topic: set(state.subscribers.get(topic, ())) & set(self.clients) for topic in answers}
 
@@ -75,14 +66,14 @@ class Forwarder(threading.Thread):
     def __init__(self, hold: Hold, header: Mapping[str, str], keeper: GoalForwarding) -> None:
         super().__init__(daemon=True, name=f"hold {hold.action}")
         self.hold, self.header, self.keeper = hold, dict(header), keeper
+        self.topics = f"{hold.action}/goal", f"{hold.action}/cancel"
         self.ros, self.slave = keeper.ros, keeper.slave
         self.lock = keeper.lock  # one for all: whoever saves reads every hold
         self.wake = threading.Event()
         self.streams: dict[tuple[str, str], TopicStream] = {}
-        self.tried: dict[tuple[str, str], float] = {}
-        self.pending: set[tuple[str, str]] = set()
+        self.due: dict[tuple[str, str], float] = {}  # from when on to try again; what is being tried: inf
         self.complained: set[tuple[str, str]] = set()
-        self.scene: Participants | None = None
+        self.scene = Participants(hold.action, self.ros, self.slave.name, MasterState())
         self.advertised = False
         self.over = self.dirty = False
         self.introduced = self.asked = self.kept = 0.0
@@ -97,17 +88,11 @@ class Forwarder(threading.Thread):
     def wanted(self) -> dict[tuple[str, str], tuple[str, str]]:
         """Streams that there should be: (role, address) -> caller id and topic."""
         scene, action = self.scene, self.hold.action
-        if scene is None:
-            return {}
-        own, found = self.slave.name, {}
-        for uri in scene.clients.values():
-            found[GOALS, uri] = (own, f"{action}/goal")
-            # first in our own name: from then on nothing can pass us by
-            if self.hold.taking and self.is_open((GOALS, uri)):
-                found[TAKEN, uri] = (self.hold.node, f"{action}/goal")
-        found.update({(CANCELS, uri): (own, f"{action}/cancel") for uri in scene.cancellers.values()})
-        found.update({(STATUS, uri): (own, f"{action}/status") for uri in scene.status.values()})
-        return found
+        every = [(part, uri) for part, nodes in scene.nodes.items() for uri in nodes.values()]
+        found = {(part, uri): (self.slave.name, f"{action}/{part}") for part, uri in every}
+        # first in our own name: from then on nothing can pass us by
+        taken = [uri for uri in scene.clients.values() if self.hold.taking and self.is_open((GOALS, uri))]
+        return {**found, **{(TAKEN, uri): (self.hold.node, f"{action}/goal") for uri in taken}}
 
     def is_open(self, key: tuple[str, str]) -> bool:
         return key in self.streams and self.streams[key].open
@@ -117,14 +102,11 @@ class Forwarder(threading.Thread):
         wanted, now = self.wanted(), time.monotonic()
         for key in [key for key, stream in self.streams.items() if not stream.open]:
             del self.streams[key]
-            self.tried.pop(key, None)
         for key, (caller, topic) in wanted.items():
-            if key in self.streams or key in self.pending or now - self.tried.get(key, -AGAIN) < AGAIN:
-                continue
-            self.pending.add(key)
-            self.tried[key] = now
-            threading.Thread(target=self._connect, args=(key, caller, topic), daemon=True).start()
-        clients = self.scene.clients.values() if self.scene else ()
+            if key not in self.streams and now >= self.due.get(key, 0.0):
+                self.due[key] = math.inf
+                threading.Thread(target=self._connect, args=(key, caller, topic), daemon=True).start()
+        clients = self.scene.clients.values()
         return sum(not (self.is_open((GOALS, uri)) and self.is_open((TAKEN, uri))) for uri in clients)
 
     def _connect(self, key: tuple[str, str], caller: str, topic: str) -> None:
@@ -137,7 +119,7 @@ class Forwarder(threading.Thread):
                 self.complained.add(key)
                 self.log(f"{topic} of {uri} is not to be had: {reason(error, uri, CONNECT)}")
         with self.lock:
-            self.pending.discard(key)
+            self.due[key] = 0.0 if stream.open else time.monotonic() + AGAIN
             if self.over:
                 stream.close()
             elif stream.open:
@@ -153,11 +135,11 @@ class Forwarder(threading.Thread):
         now = time.monotonic()
         try:
             if role == STATUS:
-                listed = decode_status(body)
+                listed = tcpros.decode_status(body)
             elif role == CANCELS:
-                identity, stamp = cancel_id(body)
+                identity, stamp = tcpros.cancel_id(body)
             else:
-                identity, stamp = goal_id(body)
+                identity, stamp = tcpros.goal_id(body)
         except RosError as error:
             self.log(f"{uri} sent what is none of actionlib's messages: {error}")
             return
@@ -179,14 +161,12 @@ class Forwarder(threading.Thread):
     def sight(self, now: float) -> Sight:
         """What the network shows of the server that goals should go to."""
         scene, action = self.scene, self.hold.action
-        if scene is None:
-            return Sight()
         living = {name: uri for name, uri in scene.servers.items() if self.is_open((STATUS, uri))}
         server = self.hold.pick(living, now)
         if not server:
             return Sight()
         name = next(name for name, uri in living.items() if uri == server)
-        listening = all(name in self.slave.callers(f"{action}/{part}") for part in ("goal", "cancel"))
+        listening = all(name in self.slave.callers(topic) for topic in self.topics)
         try:
             with Api(server, self.slave.name, Deadline(CONNECT)) as api:
                 edges = connections(api.call("getBusInfo"))
@@ -197,8 +177,8 @@ class Forwarder(threading.Thread):
         into = {edge.peer for edge in edges if edge.direction == "i" and edge.topic == f"{action}/goal"}
         living_clients = {client for client, uri in scene.clients.items() if self.is_open((GOALS, uri))}
         ready = all((topic, peer) in out for topic, peers in scene.hears.items() for peer in peers & living_clients)
-        ready = ready and not any(role == TAKEN for role, _uri in self.pending)
         uris = set(scene.clients.values())
+        ready = ready and math.inf not in [self.due.get((TAKEN, uri)) for uri in uris]
         direct = bool(self.hold.opened) and uris <= into and uris <= self._sending(uris, name)
         return Sight(server, listening, ready, direct, frozenset(into), self._stays(name, server))
 
@@ -226,56 +206,50 @@ class Forwarder(threading.Thread):
 
     def _advertise(self) -> None:
         """Let the server come: it hears of us through the master, as of any client."""
-        listed = self.scene is not None and self.scene.listed  # not by a master that was restarted meanwhile
-        if (self.advertised and listed) or not self.header.get("md5sum"):
+        listed = self.advertised and self.scene.listed  # not by a master that was restarted meanwhile
+        if listed or not self.header.get("md5sum"):
             return
         self.advertised = True
-        topics = {f"{self.hold.action}/goal": self.header, f"{self.hold.action}/cancel": CANCEL_HEADER}
-        for topic, header in topics.items():
+        calls = []
+        for topic, header in zip(self.topics, (self.header, CANCEL_HEADER)):
             self.slave.advertise(topic, header)
-        own = self.slave.name
-        self.ros.calls([("registerPublisher", own, topic, topics[topic]["type"], self.slave.uri) for topic in topics])
+            calls.append(("registerPublisher", self.slave.name, topic, header["type"], self.slave.uri))
+        self.ros.calls(calls)
 
     def _unadvertise(self) -> None:
         if not self.advertised:
             return
         self.advertised = False
-        topics = [f"{self.hold.action}/{part}" for part in ("goal", "cancel")]
         try:
-            self.ros.calls([("unregisterPublisher", self.slave.name, topic, self.slave.uri) for topic in topics])
+            self.ros.calls([("unregisterPublisher", self.slave.name, topic, self.slave.uri) for topic in self.topics])
         except RosError as error:
             self.log(f"not unregistered: {error}")
-        for topic in topics:
+        for topic in self.topics:
             self.slave.unadvertise(topic)
 
-    def _introduce(self, server: str) -> None:
+    def _introduce(self) -> None:
         """Give the clients back: the server connects to whom it is told publishes."""
-        scene = self.scene
         self.introduced = time.monotonic()
-        if scene is None:
-            return
-        own = [self.slave.uri] if self.advertised else []
-        told = {"goal": [*scene.clients.values(), *own], "cancel": [*scene.cancellers.values(), *own] if own else []}
+        scene, own = self.scene, [self.slave.uri] if self.advertised else []
         try:
-            for topic, uris in told.items():
-                if uris:
-                    tell_publishers(server, f"{self.hold.action}/{topic}", uris, CONNECT)
+            for topic, nodes in zip(self.topics, (scene.clients, scene.cancellers if own else {})):
+                if nodes or own:
+                    tell_publishers(self.hold.server, topic, [*nodes.values(), *own], CONNECT)
         except Exception as error:
-            self.log(f"the server was not told of its clients: {reason(error, server, CONNECT)}")
+            self.log(f"the server was not told of its clients: {reason(error, self.hold.server, CONNECT)}")
 
     def do(self, todo: Order) -> None:
-        goal, action = todo.goal, self.hold.action
+        goal, (goals, cancels) = todo.goal, self.topics
         if todo.kind == rules.ADVERTISE:
             self._advertise()
         elif todo.kind == rules.OPEN:
             self.log(f"a server is up at {self.hold.server}, {len(self.hold.goals)} goals to forward")
-            self._introduce(self.hold.server)
+            self._introduce()
         elif todo.kind == rules.CANCEL and goal is not None:
-            self.slave.publish(f"{action}/cancel", encode_cancel(goal.id))
+            self.slave.publish(cancels, tcpros.encode_cancel(goal.id))
             self.log(f"told the server that {goal.id} is cancelled")
         elif todo.kind == rules.SEND and goal is not None:
-            reached = self.slave.publish(f"{action}/goal", goal.body)
-            if reached:
+            if self.slave.publish(goals, goal.body):
                 self.log(f"forwarded {goal.id}, {time.monotonic() - goal.arrived:.2f} s after it came")
             else:
                 goal.sent = None
@@ -291,7 +265,7 @@ class Forwarder(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        scene = Participants(self.hold.action, self.ros, self.slave.name)
+        scene = Participants(self.hold.action, self.ros, self.slave.name, self.ros.state())
         with self.lock:  # a tick sees one scene from its beginning to its end
             self.scene = scene
 
@@ -331,22 +305,20 @@ class Forwarder(threading.Thread):
                 self.keeper.save()
         whole = sight.direct and (sight.connected or not self.advertised)
         if self.hold.opened and not whole and time.monotonic() - self.introduced > INTRODUCE:
-            self._introduce(self.hold.server)
+            self._introduce()
 
 
+@dataclass(eq=False)
 class GoalForwarding:
     """All holds. `stays` says of an action's server whether it will stay: only then it gets what is held."""
 
-    def __init__(
-        self,
-        ros: Registrar,
-        slave: Slave,
-        write: Callable[[Any], bool],
-        log: Callable[[str], None],
-        stays: Callable[[str, str], bool],
-    ) -> None:
-        self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
-        self.write = write
+    ros: Registrar
+    slave: Slave
+    write: Callable[[Any], bool]
+    log: Callable[[str], None]
+    stays: Callable[[str, str], bool]
+
+    def __post_init__(self) -> None:
         self.forwarders: dict[str, Forwarder] = {}
         self.lock = threading.RLock()
         self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}
@@ -392,7 +364,7 @@ class GoalForwarding:
         if not one.is_alive():
             one.start()
         self.save()
-        clients = len(one.scene.clients) if one.scene else 0
+        clients = len(one.scene.clients)
         one.log(f"held for {float(seconds):g} s, from {clients} clients")
         missing = f"{waiting} of {clients} clients are not connected" if waiting else ""
         return [1, missing, clients - waiting]

@@ -2,12 +2,8 @@
 """What becomes of an action's goals while its server is replaced. Pure: what happens is told to it, with the time.
 
 That is a monotonic clock's, which nobody sets: how long a hold lasts must not follow a wall clock that is put right. It
-begins anew with its computer, so what is kept has seconds to go and ages in its place.
-
-From the hold on, every goal is seen here. One that a server lists in its status is that server's. The others are kept
-until a server is up that was not the one at the beginning, and will stay; then forwarded to it in their order.
-actionlib's servers ignore a goal whose id they list already, so forwarding to one that got the goal directly a moment
-ago does no harm; it is avoided all the same.
+begins anew with its computer, so what is kept has seconds to go and ages in its place. docs/goal-forwarding.md has the
+order of a hand-over.
 """
 
 from __future__ import annotations
@@ -78,7 +74,6 @@ class Hold:
     goals: dict[str, Goal] = field(default_factory=dict)
     shown: dict[str, bool] = field(default_factory=dict)  # ids that a server has listed, in the order of their coming
     forwarded: int = 0
-    anyone: bool = False  # the server of the beginning will do, too
     server: str = ""
     since: float = 0.0
     opened: float | None = None
@@ -91,13 +86,12 @@ class Hold:
     def again(self, node: str, uri: str, until: float) -> None:
         """Held once more, for the server of now; what is held stays."""
         self.node, self.old_uri, self.until = node, uri, until
-        self.anyone = self.warned = False
+        self.warned = False
         self._lose()
 
     def release(self, now: float) -> None:
         """Any server will do, and at once."""
         self.until = min(self.until, now)
-        self.anyone = True
 
     def goal(self, goal: Goal) -> bool:
         """A client sent a goal; whether it is news."""
@@ -142,8 +136,7 @@ class Hold:
 
     def pick(self, servers: Mapping[str, str], now: float) -> str:
         """The address to forward to, among living servers (name -> address)."""
-        anyone = self.anyone or now > self.until
-        good = {name: uri for name, uri in servers.items() if anyone or uri != self.old_uri}
+        good = {name: uri for name, uri in servers.items() if now >= self.until or uri != self.old_uri}
         return next((good[name] for name in (self.node, *sorted(good)) if name in good), "")
 
     @property

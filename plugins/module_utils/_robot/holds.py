@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Robots that somebody else's update has. Their Lease alone says so: the owner writes it, with rights of his own.
 
-While an owner has it, new goals are held of the actions that were held when he began. The hold ends with the Lease:
-when the owner lets go, or when its time is over by a clock that nobody sets. Then the keeper frees the Lease.
+docs/other-updaters.md, "A hold", is the manual. The time of a hold is counted by a clock that nobody sets.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from .._ros.idle_robot import IdleRobot
 from .._ros.keeper_client import KeeperCalls
 from .._step.objects import Object, duration_of, holder_of, owner_of, version_of
 from .._step.words import KEEPER
-from .cluster_api import Claim, Cluster, lease_time
+from .cluster_api import Claim, Cluster
 from .memory import KeptFiles
 
 PART = "owners"  # of the kept files: namespace -> its hold, with the seconds to go besides
@@ -35,22 +34,21 @@ class Owned:
     servers: Mapping[str, str] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
 class Holds:
     """Those of all namespaces. Threads may share it; KubeError where the API does not answer."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-        self,
-        cluster: Cluster,
-        ros: Ros1Client,
-        keeper: KeeperCalls,
-        kept: KeptFiles,
-        now: Callable[[], float] = time.monotonic,
-        wall: Callable[[], float] = time.time,
-    ) -> None:
-        self.cluster, self.ros, self.keeper, self.kept, self.now, self.wall = cluster, ros, keeper, kept, now, wall
+    cluster: Cluster
+    ros: Ros1Client
+    keeper: KeeperCalls
+    kept: KeptFiles
+    now: Callable[[], float] = time.monotonic
+    wall: Callable[[], float] = time.time
+
+    def __post_init__(self) -> None:
         self.lock = threading.RLock()
-        there = (kept.load(PART) or {}).items()
-        self.held = {space: Owned(one["version"], now() + one["left"], one["servers"]) for space, one in there}
+        there, now = (self.kept.load(PART) or {}).items(), self.now()
+        self.held = {space: Owned(one["version"], now + one["left"], one["servers"]) for space, one in there}
 
     def watch(self, namespace: str, lease: Object | None) -> None:
         """A look where the Lease, as it was seen, or what is known of it says that somebody has a hold."""
@@ -95,7 +93,7 @@ class Holds:
     def _end(self, namespace: str, found: Object | None, known: Owned) -> Object | None:
         """The Lease after the goals were let go: under it, so that no run holds them at the same time. None: it was not
         to be had."""
-        claim = Claim(self.cluster, namespace, found, lambda: lease_time(self.wall()))
+        claim = Claim(self.cluster, namespace, found)
         if not claim.write(KEEPER):
             return None
         try:

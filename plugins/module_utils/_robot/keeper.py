@@ -12,6 +12,7 @@ import math
 import socket
 import threading
 import time
+from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import RosError
@@ -39,34 +40,27 @@ AT_ONCE = 0.5  # seconds for a connection, which takes milliseconds: one that wa
 LEAST = 1.0  # seconds between connections: one that hangs up at once would be connected to all the time
 
 
+@dataclass(eq=False)
 class Keeper:
     """Keeps one graph's registrations and parameters."""
 
-    def __init__(  # noqa: PLR0913 - the clock is the price of tests that never wait
-        self,
-        ros: Registrar,
-        kept: KeptFiles,
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-        uri: str = "",
-        keeps: bool = True,
-    ) -> None:
-        """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change.
+    ros: Registrar
+    kept: KeptFiles
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic  # a clock that nobody sets
+    uri: str = ""  # where the master can tell us of parameters that change
+    keeps: bool = True  # else the master is somebody else's: it is only looked at, and given nothing back by itself
 
-        Not `keeps`: the master is somebody else's. It is only looked at, and nothing is given back to it by itself.
-        """
-        self.keeps = keeps
-        self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
+    def __post_init__(self) -> None:
         self.restarted_at = -math.inf  # when another master was seen than this process had seen before, by `now`
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
-        self.restless = now()
-        self.memory = memory.from_dict(kept.load("registrations"), now())
-        self.saved: Any = None
-        self.params: str = str(kept.load("parameters") or "")
-        self.params_at, self.params_kept = 0.0, True
+        self.restless = self.now()
+        self.memory = memory.from_dict(self.kept.load("registrations"), self.now())
+        self.params: str = str(self.kept.load("parameters") or "")
+        self.params_at = 0.0
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
-        self.complete = bool(self.memory.master and self.params) or not keeps
+        self.complete = bool(self.memory.master and self.params) or not self.keeps
         self.away = ""
         self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}
@@ -144,14 +138,8 @@ class Keeper:
                 self.log(f"restored {in_words(calls)}")
             news = self._probe(now) or news
         self._keep_params(now)
-        content = self.memory.as_dict() if news else self.saved
-        if content != self.saved and self.kept.save("registrations", content):
-            self.saved = content
-
-    def _keep_params(self, now: float) -> None:
-        due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
-        if self.keeps and (due or self.told_by != self.memory.master):
-            self._read_params(now, self.memory.master)
+        if news:
+            self.kept.save("registrations", self.memory.as_dict())
 
     def _register(self, system: Any, now: float, anew: bool) -> bool:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
@@ -246,8 +234,11 @@ class Keeper:
 
     # ---- parameters, and what is kept
 
-    def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
-        """All of them; and have this master tell of changes, which one that does not know the call never does."""
+    def _keep_params(self, now: float) -> None:
+        """Read all of them; and have this master tell of changes, which one that does not know the call never does."""
+        master, due = self.memory.master, now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
+        if not (self.keeps and (due or self.told_by != master)):
+            return
         self.changed = False  # first: what changes while they are read is news
         caller = self.ros.caller
         news = [("subscribeParam", caller, self.uri, "/")] if self.uri and self.told_by != master else []
@@ -256,9 +247,8 @@ class Keeper:
             self.changed = True
             return
         self.params_at, self.told_by = now, master
-        text = memory.parameters_text(tree)
-        if text != self.params or not self.params_kept:
-            self.params, self.params_kept = text, self.kept.save("parameters", text)
+        self.params = memory.parameters_text(tree)
+        self.kept.save("parameters", self.params)
 
 
 def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:
@@ -276,10 +266,8 @@ def in_words(calls: Iterable[Call]) -> str:
 class Lifeline:
     """A connection to the master over which nothing is said: its end, with the master's process, is noticed at once.
 
-    So the keeper need not ask once a second whether the master is still the same. A master that hangs up on whoever
-    says nothing (`roscore -t 2`: after two seconds) is connected to again: where that fails, it has ended. A host that
-    loses its power closes no connection; whoever holds this still has to look now and then. `wake` is called, in a
-    thread of its own, when the master has ended.
+    A master that hangs up on whoever says nothing (`roscore -t 2`: after two seconds) is connected to again: where that
+    fails, it has ended, and `wake` is called in a thread of its own. A host that loses its power closes no connection.
     """
 
     def __init__(self, address: tuple[str, int], wake: Callable[[], None]) -> None:
@@ -297,19 +285,15 @@ class Lifeline:
     def _run(self) -> None:
         try:
             while True:
-                time.sleep(self._connection())
+                with socket.create_connection(self.address, AT_ONCE) as sock:
+                    began = time.monotonic()
+                    sock.settimeout(None)
+                    self.stands = True
+                    with contextlib.suppress(OSError):
+                        sock.recv(1)
+                time.sleep(max(0.0, LEAST - (time.monotonic() - began)))
         except OSError:
             if self.stands:
                 self.wake()
         finally:
             self.stands = False
-
-    def _connection(self) -> float:
-        """One, until it ends; seconds to wait for another one. OSError: there was none."""
-        with socket.create_connection(self.address, AT_ONCE) as sock:
-            began = time.monotonic()
-            sock.settimeout(None)
-            self.stands = True
-            with contextlib.suppress(OSError):
-                sock.recv(1)
-        return max(0.0, LEAST - (time.monotonic() - began))

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a node had latched when it was stopped, and what becomes of it. Pure: what happens is told to it, with the time.
 
-A node latches at its start what it knows by itself; what it latched when something happened (a docking state, a goal
-pose, a calibration) its next version knows nothing of. So that is kept, and given to subscribers that come later, from
-when a next publisher is there until it says something itself. Without one nothing is given: the app may be gone for
-good. Whoever had the message from the node itself does not get it again: a goal that comes twice is driven to twice.
+docs/updates.md, "Latched topics", says what is given to whom, and why.
 """
 
 from __future__ import annotations

@@ -12,11 +12,13 @@ import selectors
 import socket
 import threading
 import time
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable
+from typing import Any, Callable
 
 from .._common.errors import RosError
+from .._ros.backend import MasterState
 from .._ros.latched import Ear, give, take
 from .._ros.raw_node import SEND_SECONDS, Publication, Slave
 from .._ros.registrar import Registrar
@@ -25,39 +27,31 @@ from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
 from .latched import DROP, OFFER, Value, as_kept, from_kept, worth_keeping
 from .memory import KeptFiles
 
-if TYPE_CHECKING:  # a keeper of a collection before 1.0 loads this late, among its own files
-    from .._ros.backend import MasterState
-
 PART = "latched"  # of the kept files
 MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; their volume has 64 MiB
 LOOK = 1.0  # seconds between looks at the master; or so many times as long as a look took, up to these seconds:
 SHARE, MOST = 10, 10.0
 CONNECT = 2.0
-AGAIN = 5.0  # seconds before one that could not be listened to is tried again
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
+@dataclass(eq=False)
 class LatchedTopics:
     """All values that are kept."""
 
-    def __init__(
-        self,
-        ros: Registrar,
-        slave: Slave,
-        files: KeptFiles,
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.ros, self.slave, self.files, self.log, self.now = ros, slave, files, log, now
-        self.caller = f"{slave.name}_latched"
-        self.directory = files.directory / PART
+    ros: Registrar
+    slave: Slave
+    files: KeptFiles
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic
+
+    def __post_init__(self) -> None:
+        self.caller = f"{self.slave.name}_latched"
+        self.directory = self.files.directory / PART
         self.values: dict[tuple[str, str], Value] = {}
         self.ears: dict[tuple[str, str], Ear] = {}
-        self.deaf: dict[tuple[str, str], float] = {}  # who could not be listened to, and when
-        self.offered: set[str] = set()
-        self.over: set[str] = set()  # no more, but the master was not told yet
-        self.reserved = 0
-        self.dirty = False
+        self.given: set[str] = set()  # topics that we have at the master, as far as it was told
+        self.taking: dict[Path, int] = {}  # files that are written just now, with their sizes
         self.thread: threading.Thread | None = None
         self.lock = threading.RLock()
 
@@ -72,7 +66,7 @@ class LatchedTopics:
                 self.values[value.key] = value
             else:
                 file.unlink()
-        self.over = {value.topic for value in known} - {topic for topic, _node in self.values}
+        self.given = {value.topic for value in known}
         if self.values:
             self.log(f"still keeps what was latched on {', '.join(sorted(topic for topic, _node in self.values))}")
         if known:
@@ -108,28 +102,26 @@ class LatchedTopics:
         if not topics:
             return {}, []
         self.directory.mkdir(exist_ok=True)
-        reserved: list[int] = []
         files = {topic: self.directory / os.urandom(8).hex() for topic in topics}
         tasks: dict[Any, Callable[[], Any]] = {
-            topic: partial(take, topic, uri, self.caller, file, partial(self._reserve, reserved), seconds)
+            topic: partial(take, topic, uri, self.caller, file, partial(self._reserve, file), seconds)
             for topic, file in files.items()
         }
         results = in_parallel(tasks, seconds, lambda topic, error: f"{topic}: {reason(error, uri, seconds)}")
         with self.lock:
-            self.reserved -= sum(reserved)
+            self.taking = {file: size for file, size in self.taking.items() if file not in files.values()}
         found = {topic: (result, files[topic]) for topic, result in results.items() if isinstance(result, dict)}
         for topic in set(files) - set(found):
             with contextlib.suppress(OSError):
                 files[topic].unlink()
         return found, [result for result in results.values() if isinstance(result, str)]
 
-    def _reserve(self, reserved: list[int], _topic: str, size: int) -> None:
+    def _reserve(self, file: Path, _topic: str, size: int) -> None:
         with self.lock:
-            used = self.reserved + sum(value.size for value in self.values.values())
+            used = sum(self.taking.values()) + sum(value.size for value in self.values.values())
             if size > MESSAGE or used + size > TOTAL:
                 raise RosError(f"{size} bytes, of {MESSAGE} for a message and {TOTAL - used} left for all")
-            self.reserved += size
-            reserved.append(size)
+            self.taking[file] = size
 
     def _add(self, value: Value) -> None:
         with self.lock:
@@ -139,7 +131,6 @@ class LatchedTopics:
             self.values[value.key] = value
 
     def _forget(self, value: Value) -> None:
-        self.dirty = True
         if self.values.get(value.key) is value:
             del self.values[value.key]
         with contextlib.suppress(OSError):
@@ -147,7 +138,6 @@ class LatchedTopics:
 
     def _save(self) -> None:
         with self.lock:  # a call that keeps more must not write the file at the same time
-            self.dirty = False
             self.files.save(PART, as_kept(self.values.values(), _boot()))
 
     # ---- subscribers, each in a thread of its own
@@ -161,7 +151,6 @@ class LatchedTopics:
             due = [value for value in values if value.is_due(caller, uri) and not publication.refusal(value.header)]
             for value in values:
                 value.had[caller] = uri or value.had.get(caller, "")
-            self.dirty = True
         try:
             for value in due:
                 give(self.directory / value.file, sock, SEND_SECONDS)
@@ -174,7 +163,6 @@ class LatchedTopics:
         with self.lock:
             for value in self._of(publication.topic):
                 value.had.pop(caller, None)
-            self.dirty = True
 
     def _of(self, topic: str) -> list[Value]:
         return [value for value in self.values.values() if value.topic == topic]
@@ -207,7 +195,7 @@ class LatchedTopics:
 
     def _is_done(self) -> bool:
         with self.lock:
-            done = not (self.values or self.ears or self.over or self.dirty)
+            done = not (self.values or self.ears or self.given)
             if done:
                 self.thread = None
             return done
@@ -237,23 +225,18 @@ class LatchedTopics:
                     self.log(f"lets go what {value.node} latched on {value.topic}: nobody came in its place")
                     self._forget(value)
         self._offer(state)
-        if self.dirty:
-            self._save()
+        self._save()
 
     def _listen(self, selector: selectors.BaseSelector, wanted: set[tuple[str, str]]) -> None:
         """Be connected to these publishers, by topic and address, and to no others."""
         for key in [key for key in self.ears if key not in wanted]:
             self._close(selector, key)
-        now = self.now()
-        missing = [key for key in wanted if key not in self.ears and now - self.deaf.get(key, now - AGAIN) >= AGAIN]
+        missing = wanted - self.ears.keys()
         tasks: dict[Any, Callable[[], Any]] = {key: partial(Ear, *key, self.caller, CONNECT) for key in missing}
         for key, ear in in_parallel(tasks, CONNECT, lambda _key, _error: None).items():
-            if ear is None:
-                self.deaf[key] = now
-            else:
+            if ear is not None:
                 self.ears[key] = ear
                 selector.register(ear.sock, selectors.EVENT_READ, key)
-        self.deaf = {key: at for key, at in self.deaf.items() if key in wanted}
 
     def _close(self, selector: selectors.BaseSelector, key: tuple[str, str]) -> None:
         ear = self.ears.pop(key)
@@ -275,7 +258,7 @@ class LatchedTopics:
                     if value.is_over(ear.uri, ear.heard or other, ear.news):
                         self.log(f"lets go what {value.node} latched on {value.topic}: {ear.uri} has its own")
                         self._forget(value)
-            followed = any(not self._of(topic) for topic in self.offered)
+            followed = not all(map(self._of, self.given))
         if followed:
             self._offer(None)
 
@@ -283,11 +266,11 @@ class LatchedTopics:
         """Publish what is offered, and nothing else. `state`: where it is to be seen whether the master knows."""
         with self.lock:
             offered = {value.topic: value for value in self.values.values() if value.offered}
-            new = [topic for topic in offered if topic not in self.offered]
+            new = [topic for topic in offered if topic not in self.slave.publications]
             for topic in new:
                 self.slave.add(LatchedPublication(offered[topic], self))
-            self.over = (self.over | self.offered) - set(offered)
-            self.offered, over = set(offered), sorted(self.over)
+            over = sorted(self.given - offered.keys())
+            self.given.update(offered)
         for topic in new:
             self.log(f"gives what {offered[topic].node} latched on {topic} to who subscribes to it from now on")
         own, uri = self.slave.name, self.slave.uri
@@ -298,7 +281,7 @@ class LatchedTopics:
         calls += [("unregisterPublisher", own, topic, uri) for topic in over]
         try:
             self.ros.calls(calls)
-            self.over -= set(over)
+            self.given -= set(over)
         finally:
             for topic in over:
                 self.slave.unadvertise(topic)

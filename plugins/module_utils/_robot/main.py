@@ -24,7 +24,7 @@ from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import FLEET, KEEPER_PORT, PATH
 from . import no_master
-from .cluster_api import ACCOUNT, Cluster, in_cluster
+from .cluster_api import ACCOUNT, Cluster
 from .door import Door
 from .goal_forwarding import SWITCHED_OFF, GoalForwarding
 from .holds import Holds
@@ -37,7 +37,6 @@ from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
 TIMEOUT = 2.0
-PAUSE = 5.0  # seconds between two looks at its code, where it has nothing else to do
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended
@@ -79,10 +78,6 @@ def code_of(script: str) -> str:
         return ""
 
 
-def keep_nothing(_node: str, _uri: str, _seconds: float) -> None:
-    """Of what a node has latched, where the master is somebody else's."""
-
-
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
@@ -109,7 +104,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     slave.register({"paramUpdate": keeper.parameter_changed})
     cluster: Cluster | None = None
     try:
-        cluster = in_cluster(os.environ, chosen["--account"])
+        cluster = Cluster(os.environ, chosen["--account"])
     except KubeError as error:  # the keeper does all the rest without
         tell(f"no step of an update is taken back from here: {error}")
     calls = SWITCHED_OFF  # what an earlier one held, with another option, is over
@@ -119,11 +114,9 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
         forwarding.resume(kept.load("goals") or [])
         calls = forwarding.calls
     slave.register(calls)
-    keep_latched: Callable[[str, str, float], object] = keep_nothing
-    if keeps:
-        latched = LatchedTopics(ros, slave, kept, tell)
+    latched = LatchedTopics(ros, slave, kept, tell) if keeps else None
+    if latched:
         latched.resume()
-        keep_latched = latched.keep
         slave.register({"keep_latched": latched.keep})
     watch = None
     beside: list[Callable[[], None]] = []
@@ -135,6 +128,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
         slave.show(PATH, Door(holds, watch.left_over).page)
         beside.append(watch.run)
         if cluster.home != FLEET:  # a shared master's keeper is no robot's
+            keep_latched = latched.keep if latched else lambda *_: []  # of a master that is somebody else's: nothing
             beside.append(Readiness(cluster, uri, keep_latched, lambda: keeper.restarted_at, tell).run)
     slave.start()
     shown.start()

@@ -41,11 +41,10 @@ class Memory:
     master: tuple[Any, ...] = ()  # what tells this run of the master from another
     nodes: dict[str, Entry] = field(default_factory=dict)
     removed: dict[str, tuple[Entry, float]] = field(default_factory=dict)  # with the time
-    missed: dict[str, float] = field(default_factory=dict)  # node -> since when something of it is missing
-    asked: dict[str, float] = field(default_factory=dict)  # node -> when it was last asked for what is missing
+    missed: dict[str, float] = field(default_factory=dict)  # node that lacks something -> after when to ask it
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
-    silent: dict[str, tuple[float, float]] = field(default_factory=dict)  # node -> first and last look in vain
+    silent: dict[str, float] = field(default_factory=dict)  # node -> first look in vain, since when all were
 
     # ---- what is there
 
@@ -76,7 +75,7 @@ class Memory:
 
     def forget(self, node: str) -> None:
         self.nodes.pop(node, None)
-        for table in (self.missed, self.asked, self.suspects, self.seen, self.silent):
+        for table in (self.missed, self.suspects, self.seen, self.silent):
             table.pop(node, None)
 
     # ---- what the master has lost
@@ -92,9 +91,9 @@ class Memory:
             there = present.get(node)
             if there is not None and there.uri != entry.uri:
                 continue  # a newer process has the name; learn() takes it up
-            if at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN):
+            if at_once or self.missed[node] < now:
                 due[node] = entry
-                self.asked[node] = now
+                self.missed[node] = now + AGAIN
         return due
 
     def settle(
@@ -160,7 +159,7 @@ class Memory:
             if known is None or known.uri != entry.uri:
                 continue  # a newer process took the name while we asked
             if answers[node].verdict == registrations.UNKNOWN:
-                self.silent[node] = (self.silent.get(node, (now, now))[0], now)
+                self.silent.setdefault(node, now)
             else:
                 self.silent.pop(node, None)
             if not registrations.gone(entry, answers[node]):
@@ -173,8 +172,8 @@ class Memory:
 
     def silence(self) -> Silence:
         """Who does not answer, and who did when that was seen last. Only looks count: none was made meanwhile."""
-        silent = {node: (self.nodes[node].uri, last - first) for node, (first, last) in self.silent.items()}
-        since = max((last for _first, last in self.silent.values()), default=0.0) - 2 * PERIOD
+        silent = {node: (self.nodes[node].uri, self.seen[node] - first) for node, first in self.silent.items()}
+        since = max((self.seen[node] for node in silent), default=0.0) - 2 * PERIOD
         answered = [node for node, at in self.seen.items() if node in self.nodes and at >= since]
         unsure = {*self.silent, *self.suspects}
         return Silence(silent, frozenset(self.nodes[node].uri for node in answered if node not in unsure))
@@ -234,14 +233,16 @@ class KeptFiles:
             return None
 
     def save(self, part: str, content: Any) -> bool:
-        """Whether that could be done."""
-        fresh = self.directory / f".{part}.new"
+        """Whether that could be done. What lies there already is not written again."""
+        kept, fresh = self.directory / f"{part}.json", self.directory / f".{part}.new"
+        data = json.dumps(content, separators=(",", ":")).encode()
         try:
-            with fresh.open("w", encoding="utf-8") as file:
-                json.dump(content, file, separators=(",", ":"))
-                file.flush()
-                os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
-            fresh.replace(self.directory / f"{part}.json")
+            if not kept.exists() or kept.read_bytes() != data:
+                with fresh.open("wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())  # else a power cut may leave the name with nothing behind it
+                fresh.replace(kept)
         except OSError as error:
             if part not in self.lost:
                 self.log(f"{part}: not on record, and lost if the keeper is started again: {error}")
@@ -272,8 +273,6 @@ def absent_parameters(wanted: Mapping[str, object], present: object, path: str =
     """(name, value) of what `present` does not have. A value that is there is left as it is."""
     there = present if isinstance(present, Mapping) else {}
     for key, value in sorted(wanted.items()):
-        if not path and key in OWN:
-            continue
         name = f"{path}/{key}"
         if key not in there:
             yield name, value

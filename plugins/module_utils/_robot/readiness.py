@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Readiness gates: the robot's resident process says when a pod is Ready of which versions overlap.
 
-Kubernetes stops the old pod once the new one is Ready, whoever brought it (a run, `kubectl`, another updater). So the
-new one is not before its nodes are wholly in the graph, with all that they owe. Nothing of ours runs in these pods: the
-look is the one that other pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
-
-The proof names the container that was seen. A container that begins anew, also with its host, has none, and is looked
-at again. Where nobody looks (this process or the API is away) no pod becomes Ready, and none that is goes.
+docs/updates.md, "The hand-over", is the manual. Nothing of ours runs in these pods: the look is the one that other
+pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from functools import partial
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Callable, Mapping, Sequence
 
 from .._common.errors import FleetError, RosError
@@ -29,7 +26,7 @@ from .._ros.registrar import Registrar
 from .._step.objects import Object, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import ApiError, Cluster, lease_time
+from .cluster_api import ApiError, Cluster
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -89,30 +86,23 @@ def address_of(pod: Object) -> str:
 # ---- doing it
 
 
+@dataclass(eq=False)
 class Readiness:
     """The gates of one namespace's pods. Each pod that is looked at has a thread for as long as that takes."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-        self,
-        cluster: Cluster,
-        uri: str,
-        keep_latched: Callable[[str, str, float], object],
-        restarted_at: Callable[[], float],
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        """`uri` is the ROS master's; `keep_latched` (node, its address, seconds) takes what a node has latched.
+    cluster: Cluster
+    uri: str  # the ROS master's
+    keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
+    restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
 
-        `restarted_at`: when the master was seen to be another one than before, by `now`.
-        """
-        self.cluster, self.uri, self.keep_latched, self.log = cluster, uri, keep_latched, log
-        self.restarted_at = restarted_at
-        self.now, self.sleep = now, sleep
-        self.namespace = cluster.home
+    def __post_init__(self) -> None:
+        self.namespace = self.cluster.home
         self.pods: dict[str, Object] = {}  # by uid, those with our gate
         self.seen: dict[str, OwnNode] = {}  # by uid, the node that was found of a pod last
-        self.at_work: dict[str, str] = {}  # by uid: the container that is looked at, or END
+        self.at_work: set[tuple[str, str]] = set()  # uid, and the container that is looked at, or END
         self.said = ""
         self.lock = threading.Lock()
 
@@ -167,10 +157,10 @@ class Readiness:
 
     def _begin(self, uid: str, work: str) -> None:
         with self.lock:
-            if self.at_work.get(uid) == work:
-                return
-            self.at_work[uid] = work
-        self.start(partial(self._work, uid, work))
+            new = (uid, work) not in self.at_work
+            self.at_work.add((uid, work))
+        if new:
+            self.start(partial(self._work, uid, work))
 
     def start(self, work: Callable[[], None]) -> None:
         threading.Thread(target=work, daemon=True).start()
@@ -185,18 +175,15 @@ class Readiness:
             if not isinstance(error, ApiError):  # the watch tells of an API that is away
                 self.log(f"pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
-        with self.lock:
-            if self.at_work.get(uid) == work:
-                del self.at_work[uid]
+        self.at_work.discard((uid, work))
         pod = self.pods.get(uid)
         if work != END and pod is not None and due(pod) == PROVE:  # it ended by an error, or was proven just now
             self._begin(uid, container_of(pod))
 
     def _say(self, pod: Object, ready: bool, text: str) -> Object:
         """In the pod's own condition, which it returns; a pod that has gone meanwhile needs none."""
-        reason, at = "InTheGraph" if ready else "NotInTheGraph", lease_time(time.time())
-        said = {"status": str(ready), "reason": reason, "message": text}
-        condition = {"type": READINESS, **said, "lastTransitionTime": at}
+        said = {"status": str(ready), "reason": "InTheGraph" if ready else "NotInTheGraph", "message": text}
+        condition = {"type": READINESS, **said, "lastTransitionTime": self.cluster.stamp()}
         try:
             self.cluster.set_condition(self.namespace, pod, condition)
         except ApiError as error:
@@ -222,7 +209,7 @@ class Readiness:
             if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
-                self.cluster.tell(self.namespace, pod, "NodeUnheard", words, lease_time(time.time()))
+                self.cluster.tell(self.namespace, pod, "NodeUnheard", words)
                 self.log(f"{name_of(pod)}: {words}")
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
@@ -239,13 +226,18 @@ class Readiness:
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
         settings, address, uid = settings_of(pod), address_of(pod), str(pod["metadata"]["uid"])
-        ros = Ros1Client(self.uri, TIMEOUT, CALLER)
+        ros, record = Ros1Client(self.uri, TIMEOUT, CALLER), record_name(app_of(pod))
 
         def here(state: MasterState) -> Mapping[str, str]:
             return {name: uri for name, uri in places(ros, settings, state).items() if host_of(uri) == address}
 
         def keep(name: str, found: State) -> None:
             self.seen[uid] = OwnNode(name, found.uri, found.services, settings)
+
+        @lru_cache(maxsize=1)
+        def owed(_moment: int) -> Owed:
+            """By the app's record. What is unknown, as the API is away, waits."""
+            return owed_by(record_of(self.cluster.config_map(self.namespace, record)), settings.revision)
 
         outside = Outside(
             run=lambda *_: "",  # its own startup probe has asked the command
@@ -254,7 +246,7 @@ class Readiness:
             places=partial(places, ros, settings),
             children=lambda _addresses: (),
             introduce=partial(introduce, ros),
-            owed=Debts(self.cluster, self.namespace, app_of(pod), settings.revision, self.now),
+            owed=lambda: owed(int(self.now() / OWED)),
             keep=keep,
             measured=Sent(ros),
             now=self.now,
@@ -311,19 +303,3 @@ class Sent:
             rates = self.ros.rates(heard, dict.fromkeys(heard.topics, RATE_WINDOW), patient=True)
             self.taken = rates, self.ros.handshakes(heard, heard.topics)
         return graph.measured(*self.taken)
-
-
-class Debts:
-    """What a pod owes, by its app's record, which is read at most once a second."""
-
-    def __init__(self, cluster: Cluster, namespace: str, app: str, revision: str, now: Callable[[], float]) -> None:
-        self.cluster, self.namespace, self.app, self.revision, self.now = cluster, namespace, app, revision, now
-        self.found: Owed | None = None
-        self.read_at = 0.0
-
-    def __call__(self) -> Owed:
-        """Raises ApiError: what is unknown waits."""
-        if self.found is None or self.now() - self.read_at >= OWED:
-            record = record_of(self.cluster.config_map(self.namespace, record_name(self.app)))
-            self.found, self.read_at = owed_by(record, self.revision), self.now()
-        return self.found

@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The soak: for a while after its run has found a version good, its containers must not end, nor its graph get worse.
 
-A run sees a version work for some seconds. One that crashes, loses a connection or sends less after half a minute is
-seen here, and goes back; the others are proven. Pure but for the look at the graph.
-
-Time counts only while all can be seen. What cannot be seen says nothing: a host that is away or starts anew, a peer
-that is gone, a master that is silent.
+Pure but for the look at the graph. Time counts only while all can be seen. What cannot be seen says nothing.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Mapping, Sequence
+from typing import Iterable, Mapping
 
 from .._common.documents import Data
 from .._ros import contract as ros_contract
@@ -32,6 +28,7 @@ class Soaking:
     """A step as it is now, and what was seen of it so far."""
 
     step: Step
+    silence: Silence = field(default_factory=Silence)
     seconds: float = 0.0  # for which it could be seen
     looks: int = 0
     bad: int = 0  # looks that found it so, one after the other
@@ -44,14 +41,14 @@ class Soaking:
         """Whether it is proven by now: not by a rate that nobody has counted."""
         return self.seconds >= self.step.soak and self.counted and not self.why
 
-    def look(self, passed: float, ros: Backend, silence: Silence) -> None:
+    def look(self, passed: float, ros: Backend) -> None:
         for member in self.step.members:
             self.with_host.update(ends_by_container(member.pods, with_host=True))
         self.why = "others of its step went back" if self.step.begun else ended(self.step, self.with_host)
         if self.why or not self.step.rolled_out:
             return
         counts = self.bad > 0 or self.looks % RATED == RATED - 1
-        verdict = worse(look(ros, conditions_from(conditions(self.step, counts)), silence))
+        verdict = worse(look(ros, conditions_from(conditions(self.step, counts)), self.silence))
         if verdict is None:
             return
         self.counted = (counts or self.counted) and not verdict
@@ -60,20 +57,14 @@ class Soaking:
         self.why = verdict if self.bad >= LOOKS else ""
 
 
-class Soak:
-    """The steps of one namespace that soak."""
-
-    def __init__(self) -> None:
-        self.silence = Silence()
-        self.steps: dict[str, Soaking] = {}
-
-    def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> list[Soaking]:
-        """Once at each; `passed` are the seconds since the last look."""
-        known, self.steps = self.steps, {}
-        for step in steps:
-            found = self.steps[step.key] = replace(known.get(step.key) or Soaking(step), step=step)
-            found.look(passed, ros, self.silence)
-        return [*self.steps.values()]
+def soaked(known: dict[str, Soaking], steps: Iterable[Step], passed: float, ros: Backend) -> list[Soaking]:
+    """The steps that soak, after a look at each; `known` has them until the next one, `passed` seconds later."""
+    found = {step.key: replace(known.get(step.key) or Soaking(step), step=step) for step in steps}
+    known.clear()
+    known.update(found)
+    for one in found.values():
+        one.look(passed, ros)
+    return [*found.values()]
 
 
 def conditions(step: Step, rates: bool) -> Data:

@@ -19,10 +19,10 @@ from .._step import update_record
 from .._step.objects import Object, name_of, node_of, rolled_out, version_of
 from .._step.record import mark_of, record_name, record_of, soaks
 from .._step.words import FLEET, SOAKING, UPDATING
-from .cluster_api import ApiError, Claim, Cluster, LostError, lease_time, read_records
+from .cluster_api import ApiError, Claim, Cluster, LostError, read_records
 from .memory import KeptFiles, Silence
 from .open_goals import open_goals
-from .soak import Soak
+from .soak import Soaking, soaked
 from .watchdog import Hung, Watchdog
 from .way_back import Observed, Step, member_of, restored, steps_of
 
@@ -49,36 +49,32 @@ class Robot:
 class Due:
     """A step that is to go back, by which mark it is known, and why.
 
-    `patient`: one that came up once is not bad for goals that cannot be read. `still` is asked again under the Lease.
+    `patient`: one that came up once is not bad for goals that cannot be read.
     """
 
     step: Step
     key: str
     reason: str
     patient: bool = True
-    still: Callable[[Step], bool] = lambda _step: True
 
 
+@dataclass(eq=False)
 class StepWatch:
     """Looks at all namespaces, and longer where something is due."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-        self,
-        cluster: Cluster,
-        ros: Backend,
-        robot: Robot,
-        kept: KeptFiles,
-        log: Callable[[str], None],
-        now: Callable[[], float] = time.monotonic,
-        wall: Callable[[], float] = time.time,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        self.cluster, self.ros, self.robot, self.kept, self.log = cluster, ros, robot, kept, log
-        self.watchdog = Watchdog(cluster, ros, robot.silence, now)
-        self.now, self.wall, self.sleep = now, wall, sleep
-        self.came_up: Mapping[str, list[str]] = kept.load(STEPS) or {}
+    cluster: Cluster
+    ros: Backend
+    robot: Robot
+    kept: KeptFiles
+    log: Callable[[str], None]
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+
+    def __post_init__(self) -> None:
+        self.watchdog = Watchdog(self.cluster, self.ros, self.robot.silence, self.now)
+        self.came_up: Mapping[str, list[str]] = self.kept.load(STEPS) or {}
         self.observed: dict[str, Observed] = {}
-        self.soaks: dict[str, Soak] = {}
+        self.soaking: dict[str, dict[str, Soaking]] = {}
         self.said: dict[str, str] = {}
 
     def run(self) -> None:
@@ -98,7 +94,7 @@ class StepWatch:
             self._away(CLUSTER, error)
             return
         began = self.now()
-        known = {name: self.observed.get(name) or Observed(self.came_up.get(name, ())) for name in leases}
+        known = {name: self.observed.get(name) or Observed(frozenset(self.came_up.get(name, ()))) for name in leases}
         self.observed = known
         for namespace, seen in known.items():
             seen.lease(leases[namespace], began)
@@ -140,7 +136,7 @@ class StepWatch:
     def _look(self, namespace: str, seen: Observed) -> None:
         """What is the whole fleet's has a Lease of its own, too."""
         if not seen.free:
-            self.soaks.pop(namespace, None)  # what is to come may be another version
+            self.soaking.pop(namespace, None)  # what is to come may be another version
             return
         if seen.version != seen.nothing:
             self._steps_left(namespace, seen)
@@ -151,15 +147,13 @@ class StepWatch:
         steps = self._steps(namespace, there)
         due = seen.due(steps[UPDATING])
         # what was rolled out once is not failing because its robot starts anew, and the keeper with it
-        known = {**self.came_up, namespace: sorted(seen.came_up)}
-        known = {space: keys for space, keys in known.items() if keys}
-        if known != self.came_up and self.kept.save(STEPS, known):
-            self.came_up = known
+        came_up = {space: sorted(one.came_up) for space, one in self.observed.items()}
+        self.kept.save(STEPS, {space: keys for space, keys in came_up.items() if keys})
         for step in due:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
-            self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
-        soaking = self.soaks.setdefault(namespace, Soak()).look(steps[SOAKING], seen.passed, self.ros)
+            self._due(namespace, seen, Due(step, UPDATING, reason, patient))
+        soaking = soaked(self.soaking.setdefault(namespace, {}), steps[SOAKING], seen.passed, self.ros)
         for one in soaking:
             if one.why:
                 reason = f"{one.why}, within {one.step.soak:.0f} s of the update"
@@ -219,15 +213,14 @@ class StepWatch:
             return
 
     def _begin_anew(self, one: Hung, claim: Claim) -> None:
-        said = self.watchdog.begin_anew(claim.namespace, one, self._time())
-        self._tell(f"{claim.namespace}/{one.app}", said)
+        self._tell(f"{claim.namespace}/{one.app}", self.watchdog.begin_anew(claim.namespace, one))
 
     def _with_lease(self, namespace: str, seen: Observed, about: str, lost: str, work: Callable[[Claim], None]) -> None:
         """Do it with the Lease, unless somebody else has that by now. `lost` is said where another one takes it."""
         found = self.cluster.lease(namespace)
         if version_of(found) != seen.version:
             return
-        claim = Claim(self.cluster, namespace, found, self._time)
+        claim = Claim(self.cluster, namespace, found)
         try:
             claim.renew()  # from here on nobody else changes the robot
             work(claim)
@@ -250,8 +243,9 @@ class StepWatch:
 
     def _still_due(self, due: Due, claim: Claim) -> None:
         """What was due may be over by now."""
+        seen = self.observed[claim.namespace]
         for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[due.key]:
-            if again.key == due.step.key and due.still(again):
+            if again.key == due.step.key and (due.key == SOAKING or seen.failing(again)):
                 self._go_back(claim, replace(due, step=again))
 
     def _go_back(self, claim: Claim, due: Due) -> None:
@@ -277,11 +271,8 @@ class StepWatch:
             self.log(f"{step.name}: services were not given back: {error}")
         for member in step.going_back:
             claim.renew()
-            self.cluster.apply(claim.namespace, restored(member, due.reason, self._time()))
+            self.cluster.apply(claim.namespace, restored(member, due.reason, self.cluster.stamp()))
             self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
                 other.nothing = None
-
-    def _time(self) -> str:
-        return lease_time(self.wall())

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A pod is begun anew of which a ROS node hangs: not during a goal, not while somebody takes a step, not for ever.
 
-A node hangs when its process does not answer the slave API's `getPid` for so long, while its address refuses nothing.
 A host or a network that is away looks the same from here. So a node counts only while another one of its host answers,
 which for a robot's own master is always so: the keeper itself is on that host, and asks all nodes anyway.
 """
@@ -19,7 +18,7 @@ from .._step.objects import Object, annotations_of, app_of, has_node, is_ready, 
 from .._step.words import KEEPER, LIVENESS, LIVENESS_LEAST, LIVENESS_TIMEOUT, MASTER
 from .cluster_api import ApiError, Cluster
 from .memory import Silence
-from .open_goals import Goals, open_goals_at
+from .open_goals import open_goals_at
 
 AT_MOST, WITHIN = 3, 3600.0  # restarts of an app, in so many seconds: more of them help nobody
 UNREADABLE = 5  # times the timeout: after that, goals of a node that cannot be read keep nobody waiting
@@ -43,11 +42,6 @@ class Hung:
 
     def left(self, why: object) -> str:
         return f"node {self.node} does not answer, and its pod is left as it is: {why}"
-
-    def works(self, goals: Goals) -> str:
-        """The goals that the pod is left for, if there are any."""
-        found = goals.waiting(patient=self.seconds < UNREADABLE * self.timeout)
-        return self.left(found) if found else ""
 
 
 def hung_pods(pods: Iterable[Object], silence: Silence) -> list[Hung]:
@@ -105,9 +99,10 @@ class Watchdog:
                 return f"node {one.node} answers again"
         except RosError:
             pass  # the master is away: what it said of the node's goals is not known either
-        return one.works(open_goals_at(self.ros, one.pod))
+        goals = open_goals_at(self.ros, one.pod).waiting(patient=one.seconds < UNREADABLE * one.timeout)
+        return one.left(goals) if goals else ""
 
-    def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
+    def begin_anew(self, namespace: str, one: Hung) -> str:
         """Evict it; what was done, or why it could not be. An Event of the pod says so, too.
 
         What has come since it was looked at last, a goal or an answer of the node, keeps the pod.
@@ -126,7 +121,7 @@ class Watchdog:
                 return f"{words}, and a PodDisruptionBudget keeps its pod: {error}"
             raise
         self._done(f"{namespace}/{one.app}").append(self.now())
-        self.cluster.tell(namespace, one.pod, REASON, words, at)
+        self.cluster.tell(namespace, one.pod, REASON, words)
         return f"{words}: its pod {name_of(one.pod)} is begun anew"
 
     def _done(self, about: str) -> list[float]:

@@ -1,22 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """When a robot goes back without a control node, and to what. Pure: time is told to it, and what the API shows.
 
-A step of an update marks its Deployments, and leaves beside each (ConfigMap `<app>-update`) a contract and the version
-before. Whoever takes the step renews the robot's Lease. When nobody does any more, a version that is Ready has
-fulfilled its contract by its own probe: it stays, marked, for the next run. One that does not get ready is taken back,
-with all apps of its step; at once if its container ended with an error, as a run does.
-
-A version that was Ready once and is not any more stays: that alone does not show that the version is bad, as its host
-may be away or have been rebooted. Only a version whose container ends again and again is taken back all the same.
-
-No clock is compared with another one's, and time counts only while the API shows what happens: after a while without
-it the waiting goes on where it was.
+The rules are in docs/updates.md, "Two runs, and a run that ends early". No clock is compared with another one's, and
+time counts only while the API shows what happens.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Iterable, Mapping, Sequence
 
 from .._step.objects import (
@@ -176,22 +168,21 @@ def steps_of(found: Iterable[Member], deployments: Iterable[Object]) -> list[Ste
 # ---- since when
 
 
+@dataclass
 class Observed:
     """What was seen of one namespace, and for how long: its Lease, and the steps that are failing."""
 
-    def __init__(self, came_up: Iterable[str] = ()) -> None:
-        """`came_up` are the keys of steps that an earlier keeper saw rolled out."""
-        self.version = ""  # the Lease's
-        self.free = False
-        self.over = False  # whoever has it has left it for its whole time
-        # the Lease's version at which nothing was marked, and the record of updates said what became of the steps
-        self.nothing: str | None = None
-        self.came_up = frozenset(came_up)
-        self.waited: dict[str, float] = {}  # step -> how long it was failing,
-        self.rested: dict[str, float] = {}  # and since then was not
-        self.passed = 0.0  # since the look before
-        self._unchanged = 0.0
-        self._last: float | None = None
+    came_up: frozenset[str] = frozenset()  # keys of steps that were seen rolled out, by an earlier keeper, too
+    version: str = ""  # the Lease's
+    free: bool = False
+    over: bool = False  # whoever has it has left it for its whole time
+    # the Lease's version at which nothing was marked, and the record of updates said what became of the steps
+    nothing: str | None = None
+    waited: dict[str, float] = field(default_factory=dict)  # step -> how long it was failing,
+    rested: dict[str, float] = field(default_factory=dict)  # and since then was not
+    passed: float = 0.0  # since the look before
+    _unchanged: float = 0.0
+    _last: float | None = None
 
     def away(self) -> None:
         """The API did not answer: what happens until the next look does not count."""

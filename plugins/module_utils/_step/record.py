@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a step leaves beside each app that it changes, and the one answer to what the app's version is. Pure.
 
-The ConfigMap `<app>-update` is written before the Deployment, and says which run brought which revision, what that owes
-the graph (`_ros/contract.py`), whether it was proven, and the versions that were proven before it. A mark on the
-Deployment only shows where to look: `kubectl` copies it, takes it away and brings it back (`rollout undo`, `edit`, a
-snapshot). So it names its run and its revision, and counts for nothing else.
+docs/updates.md, "The record decides, not the mark", says what is in the ConfigMap `<app>-update`, and what a mark is
+worth. The record is written before the Deployment.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import step_watch
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster, lease_time
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles, Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_meant
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO, HISTORY, SOAKING, UPDATING
@@ -44,11 +44,8 @@ class SimulatedKeeper:
 
     def _begin(self) -> step_watch.StepWatch:
         robot = step_watch.Robot(self.hold, self.release, self.take_back, Silence, lambda *_: None)
-        cluster, files = cast("Cluster", self), cast("KeptFiles", self)
-        sim = self.sim
-        return step_watch.StepWatch(
-            cluster, sim, robot, files, self.said.append, sim.now, sim.wall, sleep=lambda _seconds: None
-        )
+        cluster, files, sim = cast("Cluster", self), cast("KeptFiles", self), self.sim
+        return step_watch.StepWatch(cluster, sim, robot, files, self.said.append, sim.now, sleep=lambda _seconds: None)
 
     def begin(self) -> None:
         """Something was marked."""
@@ -93,6 +90,9 @@ class SimulatedKeeper:
     def _ask(self) -> None:
         if max(self.sim.api_until, self.sim.robot_until) > self.sim.time:
             raise KubeError("the API does not answer")
+
+    def stamp(self) -> str:
+        return lease_time(self.sim.wall())
 
     def namespaces(self) -> list[str]:
         self._ask()

@@ -101,8 +101,7 @@ class World(Api):
         """The keeper, anew."""
         self.holds = Holds(self, self, self, self, lambda: self.at, self.wall)  # type: ignore[arg-type]
         robot = Robot(lambda *_: [1, "", 0], lambda _: [1, "", 0], lambda _: None, Silence, self.holds.watch)
-        clocks = lambda: self.at, self.wall, self.sleep
-        self.watch = StepWatch(self, self, robot, self, lambda _: None, *clocks)  # type: ignore[arg-type]
+        self.watch = StepWatch(self, self, robot, self, lambda _: None, lambda: self.at, self.sleep)  # type: ignore[arg-type]
         self.door = Door(self.holds, self.watch.left_over, self.sleep)
 
     # ---- time

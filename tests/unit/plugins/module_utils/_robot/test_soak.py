@@ -11,9 +11,10 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot import soak
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.soak import (
     LOOKS,
     RATED,
-    Soak,
+    Soaking,
     conditions,
     ended,
+    soaked,
     worse,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Step
@@ -82,11 +83,11 @@ def test_a_reboot_of_its_host_is_no_end_of_the_version(
     monkeypatch: pytest.MonkeyPatch, lives: list[dict[str, Any] | None], why: str, seen: str
 ) -> None:
     Looks(monkeypatch)
-    soaking, one = Soak(), step()
+    soaking, one = dict[str, Soaking](), step()
     last_reboot = max(number for number, last in enumerate(lives) if last and last is not BY_HAND and last is not ERROR)
     for number in range(0 if seen == "each" else last_reboot, len(lives)):
         one = step(pod(number + 3, lives[number]), ends=2)
-        (found,) = soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+        (found,) = soaked(soaking, [one], 10.0, None)  # type: ignore[arg-type]
     assert found.why == why
 
 
@@ -144,36 +145,36 @@ class Looks:
 
 
 def test_it_is_good_once_its_time_is_over_and_its_messages_were_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, soaking = Looks(monkeypatch), Soak()
-    good = [soaking.look([step()], 10.0, None)[0].good for _look in range(12)]  # type: ignore[arg-type]
+    looks, soaking = Looks(monkeypatch), dict[str, Soaking]()
+    good = [soaked(soaking, [step()], 10.0, None)[0].good for _look in range(12)]  # type: ignore[arg-type]
     assert good == [False] * 11 + [True]
-    assert not Soak().look([step(soak=10)], 10.0, None)[0].good  # type: ignore[arg-type] # nobody has counted yet
+    assert not soaked({}, [step(soak=10)], 10.0, None)[0].good  # type: ignore[arg-type] # nobody has counted yet
     looks.rated.pop()
     assert looks.rated == [number % RATED == RATED - 1 for number in range(12)]
 
 
 def test_looks_in_a_row_find_it_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     Looks(monkeypatch, SLOW, SLOW, UP, SLOW, SLOW, SILENT, SLOW)
-    soaking = Soak()
-    seen = [soaking.look([step(soak=50)], 10.0, None)[0] for _look in range(7)]  # type: ignore[arg-type]
+    soaking = dict[str, Soaking]()
+    seen = [soaked(soaking, [step(soak=50)], 10.0, None)[0] for _look in range(7)]  # type: ignore[arg-type]
     assert LOOKS == 3
     assert [one.why for one in seen] == [""] * 6 + ["rate /image: 10 Hz of at least 18 Hz"]
     assert not seen[-1].good
 
 
 def test_time_counts_only_while_it_can_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, soaking = Looks(monkeypatch, *[SILENT] * 50), Soak()
+    looks, soaking = Looks(monkeypatch, *[SILENT] * 50), dict[str, Soaking]()
     for _look in range(50):
-        (seen,) = soaking.look([step()], 10.0, None)  # type: ignore[arg-type]
+        (seen,) = soaked(soaking, [step()], 10.0, None)  # type: ignore[arg-type]
     assert (seen.seconds, seen.why) == (0.0, "")
-    soaking.look([step(ready=False)], 10.0, None)  # type: ignore[arg-type]
+    soaked(soaking, [step(ready=False)], 10.0, None)  # type: ignore[arg-type]
     assert len(looks.rated) == 50  # a pod that is not ready is not asked for anything
 
 
 def test_another_version_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     Looks(monkeypatch)
-    soaking, one = Soak(), step()
+    soaking, one = dict[str, Soaking](), step()
     for steps, seconds in (([one], [10.0]), ([], []), ([one], [10.0])):
-        assert [seen.seconds for seen in soaking.look(steps, 10.0, None)] == seconds  # type: ignore[arg-type]
-    (seen,) = soaking.look([Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
+        assert [seen.seconds for seen in soaked(soaking, steps, 10.0, None)] == seconds  # type: ignore[arg-type]
+    (seen,) = soaked(soaking, [Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
     assert seen.why == "others of its step went back"

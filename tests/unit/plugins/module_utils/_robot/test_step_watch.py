@@ -69,7 +69,7 @@ class World(Api):
 
     def start(self) -> StepWatch:
         robot = Robot(self.hold, self.release, self.take_back, lambda: self.silence, lambda *_: None)
-        return StepWatch(self, self, robot, self, self.said.append, lambda: self.at, lambda: 0.0, self.sleep)  # type: ignore[arg-type]
+        return StepWatch(self, self, robot, self, self.said.append, lambda: self.at, self.sleep)  # type: ignore[arg-type]
 
     def sleep(self, seconds: float) -> None:
         self.at += seconds
@@ -136,7 +136,7 @@ class World(Api):
         grace = "its own time" if seconds is None else f"{seconds} s"
         self.done.append(f"evict {namespace}/{item['metadata']['name']} in {grace}")
 
-    def tell(self, namespace: str, item: dict[str, Any], reason: str, message: str, _at: str) -> None:
+    def tell(self, namespace: str, item: dict[str, Any], reason: str, message: str) -> None:
         self._ask("tell")
         self.done.append(f"{reason} {namespace}/{item['metadata']['name']}: {message}")
 
