@@ -57,7 +57,14 @@ class Change:
         waited = 0.0 if since is None else world.clock.now() - since
         started = world.clock.wall() - waited
         self.told = StepResult(
-            step_id(host, step.apps, started), step.name, step.apps, step.handoff, step.before, step.after, started, {}
+            step_id(host, step.apps, started),
+            step.name,
+            tuple(step.apps),
+            step.handoff,
+            step.before,
+            step.after,
+            started,
+            {},
         )
         self.rests: list[Rest] = []
         self.begun = False  # something may have been written

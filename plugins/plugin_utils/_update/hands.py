@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
@@ -23,7 +22,6 @@ from .cluster import KubeCluster
 from .host import RobotSide
 from .outcome import EVENTS_NAME, StepResult, events_map
 from .plan import Request
-from .revisions import read_records
 from .step import NO_GRAPH, with_rates
 from .world import Calm, Live, MonotonicClock, Object, Seen
 
@@ -32,6 +30,7 @@ SLICE = 8.0  # seconds of one wait on the robot, at least; what is open is said 
 GRAPH_SECONDS = 1.0  # for which the graph has to be as it should be
 STAY_EXTRA = 5.0  # until the API shows what the robot shows
 LOOKS = 50  # at a robot that works, about, at most
+PROMISED = "the graph is what the apps promised"
 NO_MASTER = "run the stage master of rosops.fleet.site first"
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
@@ -137,10 +136,10 @@ class Hands:
         if objects:
             self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
 
-    def events(self, running: StepResult | None = None, ended: Sequence[StepResult] = ()) -> Object:
-        """The record of the robot's updates with this run's steps: those that have ended, and the one at hand."""
-        back = ways_back(self.live.deployments, read_records(self.live.maps))
-        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
+    def events(self, *last: StepResult) -> Object:
+        """The record of the robot's updates with this run's steps: those that are over, and the `last` one."""
+        back = ways_back(self.live.deployments, self.live.records)
+        return events_map([*self.results, *last], self.robot.name, self.live.maps, back)
 
     # --- its graph --------------------------------------------------------------------------------------------------
 
@@ -187,12 +186,18 @@ class Hands:
         if seconds > at_first:
             self.ready(conditions, timeout, what)
 
-    @contextlib.contextmanager
-    def telling(self) -> Iterator[None]:
-        """Keep for the report how a look at what the whole robot promises ends."""
-        began, self.graph_told = self.clock.now(), {"verdict": FAIL}
+    def as_promised(self, conditions: Object, workloads: Sequence[Object] = ()) -> None:
+        """Wait until the graph is what apps promised, and where these were just installed, stays so; NotReadyError.
+
+        How that ends is kept for the report.
+        """
+        self.need_master()
+        began, timeout, self.graph_told = self.clock.now(), float(conditions["timeout"]), {"verdict": FAIL}
         try:
-            yield
+            if workloads:
+                self.stays(conditions, timeout, PROMISED, workloads)
+            else:
+                self.ready(conditions, timeout, PROMISED)
             self.graph_told["verdict"] = PASS
         finally:
             self.graph_told["elapsed"] = round(self.clock.now() - began, 3)

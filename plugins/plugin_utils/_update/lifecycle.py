@@ -20,7 +20,7 @@ from .._objects.master import keeper_objects
 from .._objects.parts import APPS
 from .addresses import NAMES, SERVING
 from .plan import INSTALL, REMOVE, Plan, Request, Step, promised
-from .revisions import described, files_owner, identity, kept, key_of, read_records, working
+from .revisions import described, files_owner, identity, kept, key_of, working
 from .world import Live, Object
 
 ALL = "all"
@@ -36,7 +36,7 @@ def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
     again = [step for step in plan.steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
     # as long as there are no apps, what serves them is at nobody's work
-    there = working(live, read_records(live.maps))
+    there = working(live)
     if {app for space, app in there if space == robot.namespace} - installed - {*SERVING}:
         return plan
     new = [step for step in plan.steps if step in again or not there & {*map(key_of, step.workloads)}]
@@ -52,8 +52,6 @@ def _united(steps: Sequence[Step], robot: Robot) -> Step:
         apps=apps,
         handoff="replace",
         objects=[item for step in steps for item in step.objects],
-        created=[item for step in steps for item in step.created],
-        unproven=[app for step in steps for app in step.unproven],
         new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},
         conditions=promised(robot, apps),
         after={app: found for step in steps for app, found in step.after.items()},

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.names import resolve
-from ...module_utils._step.objects import app_of, has_gate, hash_of, name_of, node_of
+from ...module_utils._step.objects import has_gate, hash_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
 from .._model.app import App
@@ -25,7 +25,7 @@ from .._objects.master import keeper_objects, ros_core_objects
 from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
 from .nodes import Launched, intended, launched
-from .revisions import Key, deployments_of, described, identity, kept, key_of, read_records, working
+from .revisions import Key, deployments_of, described, identity, kept, key_of, working
 from .world import Live, Object
 
 MASTER, KEEPER, EXPORTER = names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_NAME
@@ -55,8 +55,7 @@ class Step:
     new_nodes: Mapping[str, str] = field(default_factory=dict)  # app -> its ROS node after the step
     old_nodes: Mapping[str, str] = field(default_factory=dict)
     launched: Mapping[str, Launched] = field(default_factory=dict)  # apps whose nodes a launch file names
-    actions: Sequence[str] = ()  # that the apps serve
-    idle: Sequence[str] = ()  # that have to rest besides
+    rest: Sequence[str] = ()  # actions that have to rest, beside those that the apps serve on the graph
     on_busy: str | None = None
     when: Sequence[Object] = ()  # what messages must say before, options of ros_ready
     windows: Windows = ALWAYS  # of time, in which it may be taken
@@ -126,22 +125,15 @@ def promised(robot: Robot, apps: Collection[str]) -> Object:
     return graph_conditions(replace(robot, apps=tuple(app for app in robot.apps if app.name in apps)))
 
 
-def update_plan(
-    robot: Robot,
-    desired: Desired,
-    live: Live,
-    request: Request = Request(),  # noqa: B008 - it is frozen
-    drifted: Collection[Key] = (),
-) -> Plan:
+def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, drifted: Collection[Key]) -> Plan:
     """What has to be done about a robot. `drifted`: Deployments (namespace, name) that are not what they say."""
     unknown = sorted(set(request.only) - set(desired))
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {key_of(item): item for item in live.deployments}
-    records = read_records(live.maps)
-    there = _Robot(robot, desired, running, records, drifted, working(live, records))
+    there = _Robot(robot, desired, running, live.records, drifted, working(live))
     # a master is not made without its keeper, nor a pod whose gate only a new keeper opens
-    gated = (app for app in request.only if any(map(has_gate, desired[app])) and there.open(desired[app]))
+    gated = (app for app in request.only if has_gate(there.workload(app)) and there.open(app))
     needing = MASTER in request.only or any(gated)
     brought = KEEPER if needing and not request.to else ""
     asked = [
@@ -166,41 +158,44 @@ class _Robot:
     drifted: Collection[Key]  # Deployments that somebody changed by hand
     working: Collection[Key]  # those that were proven once, or work now
 
+    def workload(self, app: str) -> Object:
+        """The app's Deployment as it is wanted."""
+        return next(iter(deployments_of(self.desired[app])))
+
+    def running(self, app: str) -> Object | None:
+        """The app's Deployment as it is."""
+        return self.live.get(key_of(self.workload(app)))
+
     def step(self, members: Sequence[str], back: bool = False) -> Step:
-        objects = [item for app in members for item in self.desired[app]]
-        workloads = deployments_of(objects)
         apps = {app.name: app for app in self.robot.apps if app.name in members}
-        first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
-        changed = any(map(self.differs, workloads))
+        wanted = {app: self.workload(app) for app in members}
+        there = {app: item for app in members if (item := self.running(app))}
+        changed = any(map(self.differs, members))
         unproven = [
-            app for app in members for item in deployments_of(self.desired[app])
-            if self._unproven(self.live.get(key_of(item))) and not (changed and self._found_at_work(item))
-        ]  # fmt: skip
-        previous = self._previous(workloads)
-        running = {app: node_of(self.live[key_of(first[app])]) for app in apps if key_of(first[app]) in self.live}
+            app for app, item in there.items() if self._unproven(item) and not (changed and self._found_at_work(app))
+        ]
+        previous = {app: before for app, item in there.items() if (before := self._previous(app, item))}
+        running = {app: node_of(item) for app, item in there.items() if app in apps}
         old_nodes = {app: node_of(previous[app]) for app in apps if app in previous} if unproven else running
         return Step(
             name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
             kind=MASTER_PART if list(members) == [MASTER] else APP,
             apps=list(members),
-            drifted=any(key_of(item) in self.drifted for item in workloads),
+            drifted=any(key_of(item) in self.drifted for item in wanted.values()),
             handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
-            objects=objects,
+            objects=[item for app in members for item in self.desired[app]],
             previous=previous,
-            created=[identity(item) for item in workloads if key_of(item) not in self.live],
+            created=[identity(item) for app, item in wanted.items() if app not in there],
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,
-            new_nodes={app: node_of(first[app]) for app in apps},
+            new_nodes={app: node_of(wanted[app]) for app in apps},
             old_nodes=old_nodes,
             launched={
                 app: found for app, spec in apps.items() if app in previous
-                if (found := launched(previous[app], first[app], spec))
+                if (found := launched(previous[app], wanted[app], spec))
             },
-            actions=self._full(
-                (app, item["name"]) for app in apps.values() if app.handoff == "drain" for item in app.readiness.actions
-            ),
-            idle=self._full((app, name) for app in apps.values() for name in app.update.idle),
+            rest=self._rest(apps.values()),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
             when=context.wanted_before(self.robot, apps.values()),
             windows=self.robot.windows,
@@ -208,40 +203,30 @@ class _Robot:
             patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),
             conditions={} if back else promised(self.robot, members),
             before={app: described(previous[app]) for app in members if app in previous},
-            after={app: described(first[app]) for app in members},
+            after={app: described(item) for app, item in wanted.items()},
             histories={app: record.history for app, record in self.records.items()},
         )  # fmt: skip
 
-    def differs(self, item: Object) -> bool:
+    def differs(self, app: str) -> bool:
         """Whether something else was applied, or is there."""
-        there = self.live.get(key_of(item))
-        return there is None or hash_of(there) != hash_of(item) or key_of(item) in self.drifted
+        wanted, there = self.workload(app), self.running(app)
+        return there is None or hash_of(there) != hash_of(wanted) or key_of(wanted) in self.drifted
 
-    def open(self, objects: Iterable[Object]) -> bool:
-        """Whether one of the Deployments has to be changed, proven, or rid of its mark."""
-        return any(
-            self.differs(item) or self._unproven(there) or mark_of(there) is not None
-            for item in deployments_of(objects)
-            for there in [self.live.get(key_of(item))]
-        )
+    def open(self, app: str) -> bool:
+        """Whether its Deployment has to be changed, proven, or rid of its mark."""
+        there = self.running(app)
+        return self.differs(app) or self._unproven(there) or mark_of(there) is not None
 
-    def _previous(self, workloads: Sequence[Object]) -> dict[str, Object]:
-        """What to go back to, by app: the last proven version. Where nobody knows one it is what runs, if it goes."""
-        found: dict[str, Object] = {}
-        for item in workloads:
-            app, there = app_of(item), self.live.get(key_of(item))
-            if there is None:
-                continue
-            record, unproven = self.records.get(app, Record()), self._unproven(there)
-            if unproven and record.before is not None:
-                found[app] = record.before
-            elif self.differs(item) or not unproven:
-                found.setdefault(app, kept(there, whole=key_of(there) in self.drifted))
-        return found
+    def _previous(self, app: str, there: Object) -> Object | None:
+        """What to go back to: the last proven version. Where nobody knows one it is what runs, if it goes."""
+        before, unproven = self.records.get(app, Record()).before, self._unproven(there)
+        if unproven and before is not None:
+            return before
+        return kept(there, whole=key_of(there) in self.drifted) if self.differs(app) or not unproven else None
 
-    def _found_at_work(self, item: Object) -> bool:
+    def _found_at_work(self, app: str) -> bool:
         """Whether it works, and no version before it is known: then its graph is what the next one owes."""
-        return key_of(item) in self.working and not self.records.get(app_of(item), Record()).history
+        return key_of(self.workload(app)) in self.working and not self.records.get(app, Record()).history
 
     def _unproven(self, there: Object | None) -> bool:
         """Whether somebody has to prove it: a step that was cut off, or nobody who has written it down, marked it.
@@ -253,17 +238,18 @@ class _Robot:
         found = answer(there, self.records)
         return found in UNPROVEN or (found == UNKNOWN and mark_of(there) is not None)
 
-    def _full(self, actions: Iterable[tuple[App, str]]) -> list[str]:
-        """Full names of actions as apps name them, each once."""
-        robot = self.robot
-        found = [
-            resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot)) for app, name in actions
-        ]
+    def _rest(self, apps: Iterable[App]) -> list[str]:
+        """Full names of the actions that have to rest by these apps' word, each once."""
+        found: list[str] = []
+        for app in apps:
+            served = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
+            space, node = context.graph_namespace(app, self.robot), context.graph_node(app, self.robot)
+            found += [resolve(name, space, node) for name in [*served, *app.update.idle]]
         return list(dict.fromkeys(found))
 
 
 def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
-    changed = [app for app in asked if there.open(there.desired[app])]
+    changed = [app for app in asked if there.open(app)]
     known = {key_of(item) for item in deployments_of([*all_of(there.desired), *keeper_objects(there.robot)])}
     return Plan(
         [there.step(members) for members in _ordered(there.robot.apps, changed)],
@@ -290,8 +276,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
         if app in (MASTER, KEEPER) and app not in request.only:
             continue  # its own history goes back only when it is named: apps outlive their master's version
         history = there.records.get(app, Record()).history
-        key = next(key_of(item) for item in deployments_of(there.desired[app]))
-        running = hash_of(there.live.get(key))  # what runs is no way back
+        running = hash_of(there.running(app))  # what runs is no way back
         others = [entry for entry in history if hash_of(entry["deployment"]) != running]
         found = [entry["deployment"] for entry in others if request.to in (PREVIOUS, entry["revision"])]
         if found:
@@ -300,8 +285,8 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
             wanted = "previous revision" if request.to == PREVIOUS else f"revision {request.to}"
             there_are = ", ".join(f"{entry['revision']} ({entry.get('image', '?')})" for entry in history)
             raise SpecError(f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {there_are or 'none'}")
-    changed = [app for app in target if there.open(target[app])]
     back = replace(there, desired={**there.desired, **target})
+    changed = [app for app in target if back.open(app)]
     return Plan([back.step(members, back=True) for members in _ordered(there.robot.apps, changed)])
 
 

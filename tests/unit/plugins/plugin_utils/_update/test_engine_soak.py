@@ -10,7 +10,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import soak
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedCluster, SimulatedHost, Simulation
@@ -32,7 +32,7 @@ def images(sim: Simulation, name: str) -> set[str]:
 
 def said(sim: Simulation, name: str) -> set[str]:
     """What the versions of its apps are."""
-    records = read_records([item for key, item in sim.objects.items() if key[0] == "ConfigMap"])
+    records = Live(maps=[item for key, item in sim.objects.items() if key[0] == "ConfigMap"]).records
     return {answer(sim.objects["Deployment", ROBOT, one], records) for one in apps_of(name)}
 
 
