@@ -141,7 +141,7 @@ class AppChange(StepChange):
             self.hands.apply_all([self.hands.events(self.result(WAITING))])
         # a pod that waits beside the old one takes place, and the robot was at rest a moment ago
         seconds = BESIDE_SECONDS if self.beside else None
-        self.rest.begin(calm, self.name, look=self.settings.look_timeout, seconds=seconds)
+        self.rest.begin(calm, self.name, seconds=seconds)
 
     def record(self) -> None:
         """What the nodes send when the robot rests is what the next version has to send, too.
@@ -258,7 +258,7 @@ class AppChange(StepChange):
             raise NotReadyError(f"{UNKNOWN}: {error}") from error
         if actions:
             what = f"{self.name} waits until its new version is idle, to take it back"
-            seen = self.rest.idle(Calm(actions), what, self.settings.look_timeout)
+            seen = self.rest.idle(Calm(actions), what)
             # one that crashes tells nothing
             if seen.verdict == WAIT and not decide.is_dead(self.step, self.hands.read().pods):
                 raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")

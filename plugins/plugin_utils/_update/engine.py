@@ -33,9 +33,9 @@ from .app_change import AppChange, InstallChange, RemovalChange
 from .change import NOTHING, StepChange, word_of
 from .cluster import KubeCluster
 from .hands import Hands, Settings, World
-from .lifecycle import with_install, with_removals
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, promised, rendered, update_plan
+from .removals import with_removals
 from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
@@ -197,7 +197,7 @@ class Engine(Hands):
         self.desired = rendered(self.robot)
         self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
         plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
-        self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)
+        self.plan = with_removals(plan, self.robot, self.live, request)
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:

@@ -113,8 +113,8 @@ class HostChange(Change):
         while True:
             began = now()
             for ward, rest in resting.items():
-                look = settings.look_timeout and max(settings.look_timeout - (now() - first), 0.0)
-                rest.begin(ward.calm, self.name, ward.robot.name, look)
+                rest.look = settings.look_timeout and max(settings.look_timeout - (now() - first), 0.0)
+                rest.begin(ward.calm, self.name, ward.robot.name)
             if len(resting) < 2 or self.check or now() - began < HOLD_SECONDS - SLICE:
                 return
             # what was held first has been let go by its keeper meanwhile

@@ -7,7 +7,7 @@ to apply, what was there before, the ROS nodes' old and new names, and what has 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import SpecError
@@ -24,6 +24,7 @@ from .._objects.app import app_objects
 from .._objects.master import keeper_objects, ros_core_objects
 from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
+from .addresses import NAMES, SERVING
 from .nodes import Launched, intended, launched
 from .revisions import Key, deployments_of, described, identity, kept, key_of, working
 from .world import Live, Object
@@ -139,12 +140,12 @@ def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, dr
     asked = [
         app for app, objects in desired.items()
         if (not request.only or app in request.only or app == brought)
-        and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
+        and (MASTER_PART if app in NAMES else APPS) in request.parts
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
-    if request.to:
-        return _back(there, asked, request)
-    return replace(_forward(there, asked), remnants=_exporters(live, request))
+    plan = _back(there, asked, request) if request.to else _forward(there, asked)
+    remnants = () if request.to else _exporters(live, request)
+    return replace(plan, steps=_with_install(there, plan.steps), remnants=remnants)
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,7 @@ class _Robot:
     live: Mapping[Key, Object]
     records: Mapping[str, Record]  # app -> that of its last step
     drifted: Collection[Key]  # Deployments that somebody changed by hand
-    working: Collection[Key]  # those that were proven once, or work now
+    working: Set[Key]  # those that were proven once, or work now
 
     def workload(self, app: str) -> Object:
         """The app's Deployment as it is wanted."""
@@ -178,7 +179,7 @@ class _Robot:
         running = {app: node_of(item) for app, item in there.items() if app in apps}
         old_nodes = {app: node_of(previous[app]) for app in apps if app in previous} if unproven else running
         return Step(
-            name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
+            name=members[0] if len(members) == 1 else str(next((app.update.group for app in apps.values()), INSTALL)),
             kind=MASTER_PART if list(members) == [MASTER] else APP,
             apps=list(members),
             drifted=any(key_of(item) in self.drifted for item in wanted.values()),
@@ -257,9 +258,32 @@ def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
     )
 
 
+def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:
+    """The steps with all that never came up as one, the last one, where no app is at work: nothing can be disturbed.
+
+    Its records say so before anything of it is there, and know no way back. So an installation that was cut off is
+    known by them, and what it has brought up is installed once more: as it is wanted, so that nothing becomes of it but
+    a proof. The robot's messages are not asked before the other steps, those of master and keeper: the app that would
+    publish them is itself to come, and after them.
+    """
+    again = [step for step in steps if step.resume and not step.previous]
+    installed = {app for step in again for app in step.apps}
+    # as long as there are no apps, what serves them is at nobody's work
+    if {app for space, app in there.working if space == there.robot.namespace} - installed - {*SERVING}:
+        return [*steps]
+    new = [step for step in steps if step in again or not there.working & {*map(key_of, step.workloads)}]
+    others = [replace(step, when=[]) for step in steps if step not in new]
+    apps = [app for step in new for app in step.apps]
+    if not apps:
+        return others
+    whole = there.step(apps)
+    name = INSTALL if len(apps) > 1 else whole.name
+    return [*others, replace(whole, name=name, kind=INSTALL, handoff="replace", previous={}, before={})]
+
+
 def _exporters(live: Live, request: Request) -> list[Object]:
     """The exporters of earlier collections, where the keeper that does their work is brought, or is there."""
-    if MASTER_PART not in request.parts or (request.only and not {MASTER, KEEPER} & {*request.only}):
+    if MASTER_PART not in request.parts or (request.only and not {*NAMES} & {*request.only}):
         return []
     there = [identity(item) for item in [*live.deployments, *live.maps] if name_of(item) == EXPORTER]
     return [item for item in there if (request.shared if _is_shared([item]) else request.own)]
@@ -273,7 +297,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
     """
     target: dict[str, Sequence[Object]] = {}
     for app in asked:
-        if app in (MASTER, KEEPER) and app not in request.only:
+        if app in NAMES and app not in request.only:
             continue  # its own history goes back only when it is named: apps outlive their master's version
         history = there.records.get(app, Record()).history
         running = hash_of(there.running(app))  # what runs is no way back

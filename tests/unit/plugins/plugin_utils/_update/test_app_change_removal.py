@@ -11,9 +11,9 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.lifecycle import with_removals
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removals import with_removals
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, planned

@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first and the last step of apps: all that never came up comes at once, what the inventory lost goes. Pure.
-
-On a robot on which no app is at work nothing can be disturbed. Its records say so before anything of it is there, and
-know no way back. So an installation that was cut off is known by them: what was installed, was never proven and does
-not work was never at work, and the next run installs it again.
-
-What the inventory has no more goes where that is asked for, each app by a step of its own.
-"""
+"""What the inventory has no more goes where that is asked for, each app by a step of its own. Pure."""
 
 from __future__ import annotations
 
@@ -19,44 +12,11 @@ from .._model.context import Robot, wanted_before
 from .._objects.master import keeper_objects
 from .._objects.parts import APPS
 from .addresses import NAMES, SERVING
-from .plan import INSTALL, REMOVE, Plan, Request, Step, promised
-from .revisions import described, files_owner, identity, kept, key_of, working
+from .plan import REMOVE, Plan, Request, Step
+from .revisions import described, files_owner, identity, kept, key_of
 from .world import Live, Object
 
 ALL = "all"
-
-
-def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
-    """The plan with all that never came up as one step, the last one, where no app is at work.
-
-    What an installation that was cut off has brought up is installed once more: as it is wanted, so that nothing
-    becomes of it but a proof. The robot's messages are not asked before the other steps, those of master and keeper:
-    the app that would publish them is itself to come, and after them.
-    """
-    again = [step for step in plan.steps if step.resume and not step.previous]
-    installed = {app for step in again for app in step.apps}
-    # as long as there are no apps, what serves them is at nobody's work
-    there = working(live)
-    if {app for space, app in there if space == robot.namespace} - installed - {*SERVING}:
-        return plan
-    new = [step for step in plan.steps if step in again or not there & {*map(key_of, step.workloads)}]
-    others = [replace(step, when=[]) for step in plan.steps if step not in new]
-    return replace(plan, steps=[*others, *([_united(new, robot)] if new else [])])
-
-
-def _united(steps: Sequence[Step], robot: Robot) -> Step:
-    apps = [app for step in steps for app in step.apps]
-    return Step(
-        name=apps[0] if len(apps) == 1 else INSTALL,
-        kind=INSTALL,
-        apps=apps,
-        handoff="replace",
-        objects=[item for step in steps for item in step.objects],
-        new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},
-        conditions=promised(robot, apps),
-        after={app: found for step in steps for app, found in step.after.items()},
-        histories=steps[0].histories,
-    )
 
 
 def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Plan:
