@@ -35,7 +35,6 @@ from .cluster import KubeCluster
 from .hands import Hands, Settings, World
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, promised, rendered, update_plan
-from .removals import with_removals
 from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
@@ -196,8 +195,7 @@ class Engine(Hands):
         self.robot, settings, request = located(self.robot, self.live), self.settings, self.settings.request
         self.desired = rendered(self.robot)
         self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
-        plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
-        self.plan = with_removals(plan, self.robot, self.live, request)
+        self.plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.names import resolve
-from ...module_utils._step.objects import has_gate, hash_of, name_of, node_of
+from ...module_utils._step.objects import app_of, handoff_of, has_gate, hash_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
 from .._model.app import App
@@ -26,11 +26,11 @@ from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
 from .addresses import NAMES, SERVING
 from .nodes import Launched, intended, launched
-from .revisions import Key, deployments_of, described, identity, kept, key_of, working
+from .revisions import Key, deployments_of, described, files_owner, identity, kept, key_of, working
 from .world import Live, Object
 
 MASTER, KEEPER, EXPORTER = names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_NAME
-PREVIOUS = "previous"
+PREVIOUS, ALL = "previous", "all"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
 APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; others are the master's, and a host's
@@ -143,9 +143,12 @@ def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, dr
         and (MASTER_PART if app in NAMES else APPS) in request.parts
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
-    plan = _back(there, asked, request) if request.to else _forward(there, asked)
-    remnants = () if request.to else _exporters(live, request)
-    return replace(plan, steps=_with_install(there, plan.steps), remnants=remnants)
+    if request.to:
+        return Plan(_back(there, asked, request))
+    known = {key_of(item) for item in deployments_of([*all_of(desired), *keeper_objects(robot)])}
+    orphans = sorted(key[1] for key in running if key not in known and key[1] != EXPORTER)
+    plan = Plan(there.steps(asked), orphans, _exporters(live, request))
+    return _with_removals(plan, robot, live, request)
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,11 @@ class _Robot:
     def running(self, app: str) -> Object | None:
         """The app's Deployment as it is."""
         return self.live.get(key_of(self.workload(app)))
+
+    def steps(self, apps: Iterable[str], back: bool = False) -> list[Step]:
+        """Those that these apps need, in order."""
+        changed = [app for app in apps if self.open(app)]
+        return _with_install(self, [self.step(members, back) for members in _ordered(self.robot.apps, changed)])
 
     def step(self, members: Sequence[str], back: bool = False) -> Step:
         apps = {app.name: app for app in self.robot.apps if app.name in members}
@@ -249,15 +257,6 @@ class _Robot:
         return list(dict.fromkeys(found))
 
 
-def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
-    changed = [app for app in asked if there.open(app)]
-    known = {key_of(item) for item in deployments_of([*all_of(there.desired), *keeper_objects(there.robot)])}
-    return Plan(
-        [there.step(members) for members in _ordered(there.robot.apps, changed)],
-        sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER),
-    )
-
-
 def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:
     """The steps with all that never came up as one, the last one, where no app is at work: nothing can be disturbed.
 
@@ -289,7 +288,7 @@ def _exporters(live: Live, request: Request) -> list[Object]:
     return [item for item in there if (request.shared if _is_shared([item]) else request.own)]
 
 
-def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
+def _back(there: _Robot, asked: Sequence[str], request: Request) -> list[Step]:
     """Every app to its previous, or to the named revision.
 
     Apps without a history are `unchanged`, unless they were named, or a revision was: then it is an error that lists
@@ -309,9 +308,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
             wanted = "previous revision" if request.to == PREVIOUS else f"revision {request.to}"
             there_are = ", ".join(f"{entry['revision']} ({entry.get('image', '?')})" for entry in history)
             raise SpecError(f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {there_are or 'none'}")
-    back = replace(there, desired={**there.desired, **target})
-    changed = [app for app in target if back.open(app)]
-    return Plan([back.step(members, back=True) for members in _ordered(there.robot.apps, changed)])
+    return replace(there, desired={**there.desired, **target}).steps(target, back=True)
 
 
 def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
@@ -335,3 +332,79 @@ def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
 
 def _is_shared(objects: Sequence[Object]) -> bool:
     return any(item["metadata"]["namespace"] == names.FLEET_NAMESPACE for item in objects)
+
+
+# --- what the inventory has no more -----------------------------------------------------------------------------------
+
+
+def _with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Plan:
+    """The plan with a step for each app that goes, and what there is of it besides; SpecError.
+
+    What runs goes last, so that a robot whose new version is refused has what it had. What is in the way of a new
+    version, by its node's name, a device or a port, goes first.
+    """
+    wanted = {app.name for app in robot.apps}
+    if not (request.remove and request.own and APPS in request.parts):
+        return plan
+    still = sorted(wanted & {*request.remove})
+    if still:
+        raise SpecError(
+            f"update_remove_apps names {', '.join(still)}, which {robot.name} is to have: take it out of ros_apps first"
+        )
+
+    # a master of its own, of a robot that has another one by now
+    left = NAMES if robot.master.mode != "robot" else ()
+    stays = {"", *wanted, *(set(SERVING) - {*left})}
+    shows = {*map(key_of, keeper_objects(robot))}  # of an external master, by a name that a keeper may have had
+
+    def goes(item: Object) -> bool:
+        app = app_of(item) or files_owner(item)[1]
+        ours = item["metadata"]["namespace"] == robot.namespace and app not in stays
+        return ours and (ALL in request.remove or app in request.remove)
+
+    going = [item for item in live.deployments if goes(item) and key_of(item) not in shows]
+    if going and ALL in request.remove and not robot.apps:
+        raise SpecError(
+            f"the inventory has no app for {robot.name}, and update_remove_apps is {ALL}: if it is to have none, name "
+            f"what goes: {', '.join(map(app_of, going))}"
+        )
+    first = [item for item in going if _in_the_way(item, plan.steps)]
+    last = [item for item in going if item not in first]
+    apps = {app_of(item) for item in going}
+    return replace(
+        plan,
+        steps=[*(_removal(item, robot) for item in first), *plan.steps, *(_removal(item, robot) for item in last)],
+        orphans=[name for name in plan.orphans if name not in apps],
+        remnants=[*plan.remnants, *(identity(item) for item in [*live.maps, *live.services] if goes(item))],
+    )
+
+
+def _removal(item: Object, robot: Robot) -> Step:
+    app = app_of(item)
+    return Step(
+        name=app,
+        kind=REMOVE,
+        apps=[app],
+        handoff=handoff_of(item),
+        previous={app: kept(item)},
+        old_nodes={app: node_of(item)},
+        when=context.wanted_before(robot),
+        windows=robot.windows,
+        before={app: described(item)},
+    )
+
+
+def _in_the_way(item: Object, steps: Sequence[Step]) -> bool:
+    nodes = {node for step in steps for node in step.new_nodes.values()} - {""}
+    taken = [_takes(other) for step in steps for other in step.workloads]
+    return node_of(item) in nodes or any(_takes(item) & other for other in taken)
+
+
+def _takes(deployment: Object) -> set[tuple[str, object]]:
+    """What of its host a pod takes for itself alone."""
+    pod = deployment["spec"]["template"]["spec"]
+    paths = {("path", volume["hostPath"]["path"]) for volume in pod.get("volumes") or [] if "hostPath" in volume}
+    ports = {
+        ("port", one["hostPort"]) for each in pod["containers"] for one in each.get("ports") or () if "hostPort" in one
+    }
+    return paths | ports
