@@ -159,9 +159,8 @@ class AppChange(StepChange):
                 later = [decide.step_gate(step, known.graph, known.live) for step in self.later]
                 missing |= {node for other in later if not other.calm for node in other.nodes} - known.rated
             seconds = self.settings.rate_seconds if missing else 0.0
-            measured, stale = self.host.graph(known.master, seconds, sorted(missing)), known.stale
-            known.learn(measured)
-            known.stale, known.rated = stale, known.rated | missing
+            known.learn(self.host.graph(known.master, seconds, sorted(missing)))
+            known.rated |= missing
             self._look()
             if waited and self.found.calm.actions != found.calm.actions:  # what was unknown is known by now
                 self._hold()
@@ -293,11 +292,7 @@ class AppChange(StepChange):
         """The Deployments that this very step has made: they were not there before it, and are there with its mark."""
         created = {key_of(item) for item in self.step.created}
         there = [item for item in self.hands.read().deployments if key_of(item) in created] if created else []
-        return [
-            {**identity(item), "metadata": {**identity(item)["metadata"], "uid": item["metadata"].get("uid")}}
-            for item in there
-            if (mark := mark_of(item)) is not None and mark.run == run
-        ]
+        return [identity(item) for item in there if (mark := mark_of(item)) is not None and mark.run == run]
 
 
 class RemovalChange(AppChange):

@@ -89,19 +89,16 @@ class Engine(Hands):
                 raise self.trouble
             installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
             if READY in self.settings.request.parts and not (self.check or installed):
-                self._all_ready()
+                # all of it is rolled out, and its graph is what its apps promise, whether or not they were changed
+                workloads = deployments_of(all_of(self.desired))
+                self.cluster.wait([*storage_objects(self.robot), *workloads], self.settings.rollout_timeout)
+                self.as_promised(promised(self.robot, [app.name for app in self.robot.apps]))
         except FleetError as error:
             reason = "; ".join(filter(None, [outcome.reason, str(error)]))
             return replace(outcome, outcome=word_of(error, begun=True), reason=reason)
         if outcome.outcome == UNCHANGED and self.changes:
             return replace(outcome, outcome=UPDATED, reason=", ".join(str(change.ref) for change in self.changes))
         return outcome
-
-    def _all_ready(self) -> None:
-        """All of it is rolled out, and its graph is what its apps promise, whether or not they were changed."""
-        workloads = deployments_of(all_of(self.desired))
-        self.cluster.wait([*storage_objects(self.robot), *workloads], self.settings.rollout_timeout)
-        self.as_promised(promised(self.robot, [app.name for app in self.robot.apps]))
 
     # --- whose the robot is -----------------------------------------------------------------------------------------
 

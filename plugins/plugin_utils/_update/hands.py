@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
@@ -61,7 +61,7 @@ class Settings:
     rollout_timeout: float = 300.0  # of what is installed, whose images may have to be pulled
     at_work: bool = True  # whether a robot at work may be changed; else it is only looked at
     known: Known = lambda _node, _ref: ()
-    edge_images: Mapping[str, Sequence[str]] = field(default_factory=dict)  # edge host -> names of images there
+    edge_images: Mapping[str, Collection[str]] = field(default_factory=dict)  # edge host -> names of images there
 
 
 @dataclass(frozen=True)

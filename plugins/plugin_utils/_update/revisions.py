@@ -94,8 +94,8 @@ def deployments_of(objects: Iterable[Object]) -> list[Object]:
 
 
 def identity(item: Object) -> dict[str, Any]:
-    """As much of an object as deleting it takes."""
-    metadata = {key: item["metadata"][key] for key in ("name", "namespace")}
+    """As much of an object as deleting it takes, and nothing else that has its name by then."""
+    metadata = {key: item["metadata"][key] for key in ("name", "namespace", "uid") if key in item["metadata"]}
     return {"apiVersion": item["apiVersion"], "kind": item["kind"], "metadata": metadata}
 
 
