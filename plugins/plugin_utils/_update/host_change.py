@@ -39,7 +39,7 @@ class Work:
     """What is to be done to the host. Every method does what it says or raises one of our errors."""
 
     name: str
-    node: str  # of the host in its cluster; without one there is none to be proven by
+    node: str  # of the host in its cluster
     before = ""  # what an operator reads of what is there
     after = ""  # of what is to come; the same as `before` where only settings change
     unproven: bool  # whether what is there was made by a run that ended before it was proven
@@ -152,7 +152,7 @@ class HostChange(Change):
         """That the robots are this run's still, and what the kubelet says just before the change; KubeError."""
         if self.cluster:
             self.cluster.confirm()
-            self._beat = self.cluster.beat(self.node) if self.node else ""
+            self._beat = self.cluster.beat(self.node)
 
     def verify(self) -> None:
         """By the change's own word, by the node and its Deployments, by the graphs; NotReadyError says what is not."""
@@ -176,7 +176,7 @@ class HostChange(Change):
 
     def _look(self, end: float) -> None:
         """Once, whether all is there again; KubeError, NotReadyError."""
-        if self.cluster and self.node:
+        if self.cluster:
             # the API's word on a node may be older than the change: only a kubelet that says something new is up
             if self.cluster.beat(self.node) == self._beat:
                 raise NotReadyError(f"node {self.node}: its kubelet has not been heard of since")
@@ -268,7 +268,7 @@ class Ward(Hands):
 
 
 def contract_name(node: str) -> str:
-    return f"host-change-{node}" if node else "host-change"
+    return f"host-change-{node}"
 
 
 def conditions(graph: Graph, nodes: Iterable[str]) -> Object:

@@ -503,7 +503,6 @@ def test_only_what_was_well_before_is_asked_of_the_proof() -> None:
     site = Site()
     ward = Ward(site.robots[0], Settings(), HostCluster(site), World(SimulatedHost(site), site))
     (item, *_more) = app_objects(site.robots[0])
-    assert host_change.contract_name("") == "host-change"
     for wanted, there, well in (({"replicas": 2}, 1, False), ({"replicas": 2}, 2, True), ({}, 1, True), ({}, 0, False)):
         ward.live = Live([{**item, "spec": wanted, "status": {"availableReplicas": there}}])
         assert bool(ward.available()) is well, (wanted, there)
