@@ -96,15 +96,6 @@ class ActionModule(GatedAction):
         # which the report and the last play read: a robot's outcome is no error of the task
         return {**result, "outcome": outcome.as_dict()}
 
-    def _without_cluster(self, error: NoClusterError, result: Result) -> RobotOutcome:
-        """In check mode the run may be what would make it: then all of it would be new."""
-        if not self._task.check_mode:
-            raise error
-        robot = robot_from_vars(self._vars)
-        made = ground_objects(robot, self._parts, self._pull_secrets(), CODE)
-        result.update(foreseen([*made, *workload_objects(robot, self._parts)]))
-        return RobotOutcome(UPDATED if result["changed"] else UNCHANGED, result["msg"])
-
     def _pull_secrets(self) -> list[dict[str, Any]]:
         return list(self._templar.template(self._vars.get("robot_namespace_pull_secrets")) or ())
 
@@ -113,8 +104,14 @@ class ActionModule(GatedAction):
         try:
             with self.cluster(params, self._vars) as kube, cancellable():
                 return self._updated(params, result, kube)
-        except NoClusterError as error:
-            return self._without_cluster(error, result)
+        except NoClusterError:
+            if not self._task.check_mode:
+                raise
+        # the run may be what would make it: then all of it would be new
+        robot = robot_from_vars(self._vars)
+        made = ground_objects(robot, self._parts, self._pull_secrets(), CODE)
+        result.update(foreseen([*made, *workload_objects(robot, self._parts)]))
+        return RobotOutcome(UPDATED if result["changed"] else UNCHANGED, result["msg"])
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
         check, edge, look = bool(self._task.check_mode), self._edge_images(), None
