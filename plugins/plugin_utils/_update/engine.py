@@ -299,15 +299,15 @@ class Engine(Hands):
 # --- the wait between two waves -------------------------------------------------------------------------------------
 
 
-def soak(cluster: KubeCluster, namespaces: Sequence[str], new: Mapping[str, str], world: World) -> RobotOutcome:
+def soak(cluster: KubeCluster, robot: Robot, new: Mapping[str, str], world: World) -> RobotOutcome:
     """What became of a robot whose apps were updated, once its keeper has proven what is new, or taken it back.
 
     `new` is app -> revision. KubeError.
     """
-    clock = world.clock
+    hands, clock = Hands(robot, Settings(), cluster, world), world.clock
     began = clock.now()
     while True:
-        live = cluster.read(namespaces)
+        live = hands.read()
         back = ways_back(live.deployments, live.records)
         bad = [f"{app}: {back_in_words(told)}" for app, told in back.items() if told["from"] == new.get(app)]
         if bad:
