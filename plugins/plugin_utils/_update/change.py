@@ -64,7 +64,6 @@ class Change:
             step.before,
             step.after,
             started,
-            {},
         )
         self.rests: list[Rest] = []
         self.begun = False  # something may have been written

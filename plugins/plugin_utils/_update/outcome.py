@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -43,14 +43,14 @@ def step_id(robot: str, apps: Sequence[str], started: float) -> str:
 class StepResult:
     """A step that has ended, or the one at hand: without an outcome, or WAITING. `phases` are seconds by name."""
 
-    id: str
-    name: str
-    apps: tuple[str, ...]
-    handoff: str
-    before: Mapping[str, Mapping[str, str]]  # app -> image and revision
-    after: Mapping[str, Mapping[str, str]]
-    started: Annotated[float, float]  # since 1970
-    phases: Mapping[str, Annotated[float, float]]
+    id: str = ""
+    name: str = ""
+    apps: tuple[str, ...] = ()
+    handoff: str = ""
+    before: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # app -> image and revision
+    after: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    started: Annotated[float, float] = 0.0  # since 1970
+    phases: Mapping[str, Annotated[float, float]] = field(default_factory=dict)
     outcome: str = ""
     reason: str = ""
 
