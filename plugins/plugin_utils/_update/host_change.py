@@ -28,7 +28,6 @@ from .change import Change
 from .cluster import KubeCluster
 from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings, World
 from .outcome import StepResult
-from .plan import Step
 from .revisions import key_of
 from .world import AwayError, Calm, CancelledError, Object
 
@@ -78,8 +77,8 @@ class HostChange(Change):
         self._claims = contextlib.ExitStack()
         new = {"image": work.after, "revision": "settings" if work.before == work.after else ""}
         before, after = {work.name: {"image": work.before}}, {work.name: new}
-        step = Step(work.name, self.where, [work.name], "replace", before=before, after=after)
-        super().__init__(self.node, step, settings, world)
+        told = StepResult("", work.name, (work.name,), "replace", before, after)
+        super().__init__(self.node, told, settings, world)
 
     def take(self) -> StepResult:
         """The claims end when nothing is held any more."""

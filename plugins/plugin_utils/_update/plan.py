@@ -33,7 +33,7 @@ MASTER, KEEPER, EXPORTER = names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_
 PREVIOUS, ALL = "previous", "all"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
-APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; others are the master's, and a host's
+APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; another one is the master's
 
 Desired = Mapping[str, Sequence[Object]]  # app -> its objects, the master and its keeper as apps of these names
 
