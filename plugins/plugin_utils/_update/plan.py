@@ -275,9 +275,11 @@ def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:
     apps = [app for step in new for app in step.apps]
     if not apps:
         return others
-    whole = there.step(apps)
-    name = INSTALL if len(apps) > 1 else whole.name
-    return [*others, replace(whole, name=name, kind=INSTALL, handoff="replace", previous={}, before={})]
+    # it replaces nothing
+    whole = replace(
+        there.step(apps), kind=INSTALL, handoff="replace", previous={}, before={}, old_nodes={}, launched={}
+    )
+    return [*others, replace(whole, name=INSTALL if len(apps) > 1 else whole.name)]
 
 
 def _exporters(live: Live, request: Request) -> list[Object]:
