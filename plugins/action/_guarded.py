@@ -17,34 +17,28 @@ from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._model.fleet import Fleet
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._update.change import NOTHING, word_of
+from ..plugin_utils._update.host_change import HostChange, Work
 from ..plugin_utils._update.outcome import WAITING, RobotOutcome
 
 MAKE, UNDO = "make", "undo"
 
 
-class UsersTasks:
-    """The change, as `HostChange` wants it; the run takes its turns."""
+class UsersTasks(Work):
+    """The run takes its turns. Tasks have no version, and say themselves whether they went well."""
 
-    before = after = ""  # tasks have no version
     unproven = True  # what was recorded for tasks that nobody has proven is still there
     left = "what was done stays; the next run holds the robot to what it was before"
 
-    def __init__(self, name: str, turns: Turns, way_back: bool) -> None:
-        self.name, self._turns, self._way_back = name, turns, way_back
+    def __init__(self, name: str, node: str, turns: Turns, way_back: bool) -> None:
+        self.name, self.node, self._turns, self._way_back = name, node, turns, way_back
 
     def make(self) -> None:
         self._turns.give(MAKE)
-
-    def works(self) -> None:
-        """The tasks have said so themselves."""
 
     def undo(self) -> None:
         if not self._way_back:
             raise FleetError("what was done stays, as there is no guarded_undo")
         self._turns.give(UNDO)
-
-    def proven(self) -> None:
-        """Nothing is kept of it."""
 
 
 class ActionModule(HostAction):
@@ -89,12 +83,14 @@ class ActionModule(HostAction):
         known: Variables,
         before: Result,
     ) -> Result:
-        work = UsersTasks(Path(variables["guarded_tasks"]).stem, turns, bool(variables["guarded_undo"]))
-        settings = self.settings(variables, variables["guarded_ready_timeout"], work.name, before)
         node = Fleet.from_vars(known).hosts[known["inventory_hostname"]].node
+        work = UsersTasks(Path(variables["guarded_tasks"]).stem, node, turns, bool(variables["guarded_undo"]))
+        settings = self.settings(variables, variables["guarded_ready_timeout"], work.name, before)
         try:
             with self.cluster(params, known) as kube:
-                found = self.change(work, self.place(known, kube, node), settings, known)
+                robots = self.robots(known, kube, node)
+                change = HostChange(work, settings, self.world(known), self.run_of(kube, known), robots)
+                found = self.taken(change)
         except FleetError as error:
             return {**RobotOutcome(word_of(error), f"{NOTHING}: {error}").as_dict(), "since": None}
         return {**RobotOutcome(found.outcome, found.reason, (found,)).as_dict(), "since": self.since}

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ..module_utils._host.k3s import BINARY
+from ..module_utils._step.objects import name_of
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import HostAction
 from ..plugin_utils._action.host import RobotHost
@@ -20,23 +21,25 @@ from ..plugin_utils._action.variables import OF_EVERY_CHANGE, plain
 from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._model.topology import EDGE_CLUSTER
+from ..plugin_utils._report.held import nodes_off
 from ..plugin_utils._report.kept import keep_early
-from ..plugin_utils._update.cluster import server_versions, servers_down
-from ..plugin_utils._update.host_change import Place
+from ..plugin_utils._update.cluster import is_server
+from ..plugin_utils._update.host_change import HostChange, Work
 from ..plugin_utils._update.ledger import SERVERS
 from ..plugin_utils._update.outcome import UNPROVEN, WAITING, RobotOutcome, StepResult
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
 
 
-class K3sExchange:
-    """The change, as `HostChange` wants it: what the plan of the role says, by modules on the host."""
+class K3sExchange(Work):
+    """What the plan of the role says, by modules on the host."""
 
     name = "k3s"
     left = UNPROVEN
 
     def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Variables) -> None:
         self._host, self._plan, self._role = host, plan, variables["k3s_role"]
+        self.node = variables["k3s_node_name"]
         self._timeout = variables["k3s_start_timeout"]
         # SQLite is one server's alone, also of one that others are to join
         self._start, self._alone, self._switched = "", not (plan["member"] and plan["etcd"]), False
@@ -112,12 +115,11 @@ class ActionModule(HostAction):
     def _change(self, params: Arguments, variables: Variables, known: Variables, before: Result) -> RobotOutcome:
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
-        node = variables["k3s_node_name"]
         settings = self.settings(variables, variables["k3s_start_timeout"], exchange.name, before)
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             exchange.refuse()
-            return _told(self.change(exchange, Place(), settings, known))
+            return _told(self.taken(HostChange(exchange, settings, self.world(known))))
         with self.cluster(params, known) as kube:
             pods_notice = _permitted(exchange, kube.nodes(), variables)
             if pods_notice:
@@ -125,8 +127,9 @@ class ActionModule(HostAction):
                     f"k3s {exchange.before} -> {exchange.after}: the kubelet of another minor version may start all "
                     "containers of this node again"
                 )
-            place = self.place(known, kube, node, pods_notice)
-            outcome = _told(self.change(exchange, place, settings, known))
+            robots = self.robots(known, kube, exchange.node, pods_notice)
+            change = HostChange(exchange, settings, self.world(known), self.run_of(kube, known), robots)
+            outcome = _told(self.taken(change))
             if not (self._task.check_mode or outcome.outcome == WAITING):
                 changed = outcome.outcome == UPDATED
                 keep_early(kube, known["inventory_hostname"], outcome.outcome, f"k3s: {outcome.reason}", changed)
@@ -139,10 +142,11 @@ def _told(found: StepResult) -> RobotOutcome:
 
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Variables) -> bool:
     """Whether pods may notice it. SpecError where this step is not to be taken."""
-    agent, node = variables["k3s_role"] == "agent", variables["k3s_node_name"]
-    exchange.refuse(tuple(server_versions(nodes).values()) if agent else ())
-    down = [] if agent else servers_down(nodes, node)
-    if down:
+    agent, servers = variables["k3s_role"] == "agent", [one for one in nodes if is_server(one)]
+    exchange.refuse([one["status"]["nodeInfo"]["kubeletVersion"] for one in servers] if agent else ())
+    others = (one for one in servers if name_of(one) != exchange.node)
+    down = [] if agent else sorted(nodes_off(others))
+    if down:  # with one more away the cluster may have no majority
         raise SpecError(
             f"{', '.join(down)} of its cluster is not Ready, and with one more server away the cluster may have no "
             f"majority. Bring {', '.join(down)} back first"

@@ -35,8 +35,9 @@ from ..plugin_utils._update.ledger import FLEET, Ledger
 from ..plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ..plugin_utils._update.plan import Request
 
-# What an update takes of other roles' variables.
-OF_OTHERS = {
+# What an update takes of roles' variables; of its own all.
+TAKEN: dict[str, tuple[str, ...]] = {
+    "update": (),
     "images": ("images_archives", "images_refs", "images_rate_limit"),
     "ros_app": ("ros_app_rollout_timeout",),
     "storage": ("storage_remove_claims", "storage_remove_confirm"),
@@ -49,7 +50,7 @@ class ActionModule(GatedAction):
     # run there, and be the end of it where it is all of a wave.
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        """`params` get the role's variables, those of its own without `update_`."""
+        """`params` get the roles' variables, without the roles' names."""
         self._vars, self._host = known, str(known["inventory_hostname"])
         params = {**params, **self._given(known)}
         run_tags, skip_tags = known.get("ansible_run_tags") or (), known.get("ansible_skip_tags") or ()
@@ -64,9 +65,10 @@ class ActionModule(GatedAction):
         return {"changed": False}
 
     def _given(self, known: Variables) -> Result:
-        found = {name.removeprefix("update_"): said for name, said in self.variables(known, "update").items()}
-        for role, names in OF_OTHERS.items():
-            found |= self.variables(known, role, *names)
+        found: Result = {}
+        for role, names in TAKEN.items():
+            given = self.variables(known, role, *names)
+            found |= {name.removeprefix(f"{role}_"): said for name, said in given.items()}
         for name in ("apps", "remove_apps"):  # also as a survey's answer
             found[name] = listed(self._templar.template(known.get(f"update_{name}")))
         return {**found, "to": found["to"] or ("previous" if found["back"] else "")}
@@ -94,15 +96,6 @@ class ActionModule(GatedAction):
         # which the report and the last play read: a robot's outcome is no error of the task
         return {**result, "outcome": outcome.as_dict()}
 
-    def _without_cluster(self, error: NoClusterError, result: Result) -> RobotOutcome:
-        """In check mode the run may be what would make it: then all of it would be new."""
-        if not self._task.check_mode:
-            raise error
-        robot = robot_from_vars(self._vars)
-        made = ground_objects(robot, self._parts, self._pull_secrets(), CODE)
-        result.update(foreseen([*made, *workload_objects(robot, self._parts)]))
-        return RobotOutcome(UPDATED if result["changed"] else UNCHANGED, result["msg"])
-
     def _pull_secrets(self) -> list[dict[str, Any]]:
         return list(self._templar.template(self._vars.get("robot_namespace_pull_secrets")) or ())
 
@@ -111,8 +104,14 @@ class ActionModule(GatedAction):
         try:
             with self.cluster(params, self._vars) as kube, cancellable():
                 return self._updated(params, result, kube)
-        except NoClusterError as error:
-            return self._without_cluster(error, result)
+        except NoClusterError:
+            if not self._task.check_mode:
+                raise
+        # the run may be what would make it: then all of it would be new
+        robot = robot_from_vars(self._vars)
+        made = ground_objects(robot, self._parts, self._pull_secrets(), CODE)
+        result.update(foreseen([*made, *workload_objects(robot, self._parts)]))
+        return RobotOutcome(UPDATED if result["changed"] else UNCHANGED, result["msg"])
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
         check, edge, look = bool(self._task.check_mode), self._edge_images(), None
@@ -129,23 +128,20 @@ class ActionModule(GatedAction):
             look_timeout=look,
             since=self._before.get("since") or {},
             earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
-            edge_images={name: list(there) for name, there in edge.items()},
-            known=self._known(params["images_archives"], edge),
-            rollout_timeout=params["ros_app_rollout_timeout"],
-            remove_claims=params["storage_remove_claims"],
-            remove_confirm=params["storage_remove_confirm"],
+            edge_images=edge,
+            known=self._known(params["archives"], edge),
             **{name: params[name] for name in (
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "soak", "rate_tolerance", "rate_seconds",
-                "at_work",
+                "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
             )},
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
 
         def bring(there: RobotHost, wanted: Sequence[str]) -> None:
             """With those that are always wanted; what apps run by the inventory stays pinned."""
-            node = NodeImages(there, params["images_rate_limit"], self.say(self._vars), self._pull_secrets())
-            refs = dict.fromkeys([*params["images_refs"], *wanted])
-            brought = node.bring(params["images_archives"], refs, check, images(robot, "local"))
+            node = NodeImages(there, params["rate_limit"], self.say(self._vars), self._pull_secrets())
+            refs = dict.fromkeys([*params["refs"], *wanted])
+            brought = node.bring(params["archives"], refs, check, images(robot, "local"))
             if brought.get("failed"):
                 raise NotReadyError(brought["msg"])
 

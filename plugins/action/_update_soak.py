@@ -13,10 +13,8 @@ from typing import Any
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import GatedAction
-from ..plugin_utils._model import names
 from ..plugin_utils._model.fleet import robot_from_vars
 from ..plugin_utils._model.outcomes import UPDATED
-from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.engine import soak
 from ..plugin_utils._update.outcome import StepResult
@@ -35,10 +33,8 @@ class ActionModule(GatedAction):
         if self._task.check_mode or is_last_wave(known) or outcome.get("outcome") != UPDATED:
             return result
         robot, host = robot_from_vars(known), str(known["inventory_hostname"])
-        shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(robot) else []
         with self.cluster(params, known) as kube, cancellable():
-            place, new = [robot.namespace, *shared], revisions(outcome)
-            found = soak(self.run_of(kube, known), place, new, self.world(known))
+            found = soak(self.run_of(kube, known), robot, revisions(outcome), self.world(known))
             if found.outcome == UPDATED:
                 return result
             keep_early(kube, host, found.outcome, found.reason, changed=True)

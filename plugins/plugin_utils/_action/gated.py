@@ -18,13 +18,14 @@ from ansible.errors import AnsibleError
 from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError
 from .._kube.client import Kube
+from .._model.context import Robot
 from .._model.fleet import VARIABLE, Fleet, robot_from_vars
 from .._model.outcomes import FAILED, UNCHANGED
 from .._update.change import NOTHING, word_of
 from .._update.cluster import KubeCluster, robots_on, run_name
 from .._update.hands import Settings, World, look_seconds
 from .._update.host import RobotSide
-from .._update.host_change import HostChange, Place, Work
+from .._update.host_change import HostChange
 from .._update.ledger import Ledger
 from .._update.outcome import WAITING, RobotOutcome, StepResult
 from .._update.world import MonotonicClock
@@ -89,16 +90,13 @@ class HostAction(GatedAction):
             check=bool(self._task.check_mode),
         )
 
-    def place(self, known: Variables, kube: Kube, node: str, edge: bool = True) -> Place:
-        """The robots there are the one whose host it is, or on an `edge` host those that have pods there."""
+    def robots(self, known: Variables, kube: Kube, node: str, edge: bool = True) -> list[Robot]:
+        """The one whose host it is, or on an `edge` host those that have pods there."""
         if known["inventory_hostname"] in known[VARIABLE]["robots"]:
-            robots = [robot_from_vars(known)]
-        else:
-            robots = robots_on(kube, node, Fleet.from_vars(known).robots.values()) if edge else []
-        return Place(self.run_of(kube, known), node, robots)
+            return [robot_from_vars(known)]
+        return robots_on(kube, node, Fleet.from_vars(known).robots.values()) if edge else []
 
-    def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> StepResult:
-        change = HostChange(work, place, settings, self.world(known))
+    def taken(self, change: HostChange) -> StepResult:
         result = change.take()
         self.since = change.since
         return result

@@ -21,7 +21,7 @@ from .._objects.namespace import storage_objects
 from . import step as decide
 from .addresses import SERVING
 from .change import StaysError, StepChange
-from .hands import MASTER_SECONDS, BusyError, Hands, Rest
+from .hands import MASTER_SECONDS, PROMISED, BusyError, Hands, Rest
 from .manifests import beside, early, found_good, fulfilled, marked
 from .outcome import WAITING, StepResult
 from .plan import Step, promised
@@ -34,7 +34,6 @@ UNKNOWN = "nobody can tell whether its new version is at work"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"
 UNTOLD = "on a quiet machine it can be told, or say in update.rates what it has to send (0: anything)"
 LEAVING = "it is there still, or ending; the next run goes on from there"
-PROMISED = "the graph is what the apps promised"
 VERIFY_EXTRA = 20.0
 AT_REST_SECONDS = 2.0  # in which a robot shows that it is at rest now and then
 LONG_WAIT = 5.0  # seconds in which the graph may have become another one
@@ -142,7 +141,7 @@ class AppChange(StepChange):
             self.hands.apply_all([self.hands.events(self.result(WAITING))])
         # a pod that waits beside the old one takes place, and the robot was at rest a moment ago
         seconds = BESIDE_SECONDS if self.beside else None
-        self.rest.begin(calm, self.name, look=self.settings.look_timeout, seconds=seconds)
+        self.rest.begin(calm, self.name, seconds=seconds)
 
     def record(self) -> None:
         """What the nodes send when the robot rests is what the next version has to send, too.
@@ -160,9 +159,8 @@ class AppChange(StepChange):
                 later = [decide.step_gate(step, known.graph, known.live) for step in self.later]
                 missing |= {node for other in later if not other.calm for node in other.nodes} - known.rated
             seconds = self.settings.rate_seconds if missing else 0.0
-            measured, stale = self.host.graph(known.master, seconds, sorted(missing)), known.stale
-            known.learn(measured)
-            known.stale, known.rated = stale, known.rated | missing
+            known.learn(self.host.graph(known.master, seconds, sorted(missing)))
+            known.rated |= missing
             self._look()
             if waited and self.found.calm.actions != found.calm.actions:  # what was unknown is known by now
                 self._hold()
@@ -205,7 +203,7 @@ class AppChange(StepChange):
         self.trace(f"{self.name}: finish")
         result = self.result(UPDATED)
         try:
-            self.hands.apply_all([*self._found_good(), self.hands.events(None, [result])])
+            self.hands.apply_all([*self._found_good(), self.hands.events(result)])
             # the new server may have been there before, and then the keeper waits for a next one
             if self.step.resume or self.step.drifted:
                 self.release()
@@ -259,7 +257,7 @@ class AppChange(StepChange):
             raise NotReadyError(f"{UNKNOWN}: {error}") from error
         if actions:
             what = f"{self.name} waits until its new version is idle, to take it back"
-            seen = self.rest.idle(Calm(actions), what, self.settings.look_timeout)
+            seen = self.rest.idle(Calm(actions), what)
             # one that crashes tells nothing
             if seen.verdict == WAIT and not decide.is_dead(self.step, self.hands.read().pods):
                 raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")
@@ -294,11 +292,7 @@ class AppChange(StepChange):
         """The Deployments that this very step has made: they were not there before it, and are there with its mark."""
         created = {key_of(item) for item in self.step.created}
         there = [item for item in self.hands.read().deployments if key_of(item) in created] if created else []
-        return [
-            {**identity(item), "metadata": {**identity(item)["metadata"], "uid": item["metadata"].get("uid")}}
-            for item in there
-            if (mark := mark_of(item)) is not None and mark.run == run
-        ]
+        return [identity(item) for item in there if (mark := mark_of(item)) is not None and mark.run == run]
 
 
 class RemovalChange(AppChange):
@@ -371,30 +365,24 @@ class InstallChange(StepChange):
         self.cluster.wait([*claims, *self.step.workloads], self.settings.rollout_timeout)
 
     def verify(self) -> None:
-        self.hands.need_master()
-        with self.hands.telling():
-            step = self.step
-            self.hands.stays(step.conditions, float(step.conditions["timeout"]), PROMISED, step.workloads)
+        self.hands.as_promised(self.step.conditions, self.step.workloads)
 
     def finish(self) -> StepResult:
         result = self.result(UPDATED)
-        self._prove(self.step.workloads, [self.hands.events(None, [result])])
+        self._prove(self.step.workloads, [self.hands.events(result)])
         return result
 
     def back(self) -> None:
         """Prove each app that came up all the same, so that it is at work from now on."""
-        own: dict[str, list[Object]] = {app: [] for app in self.step.apps}
-        for item in self.step.workloads:
-            own[app_of(item) if app_of(item) in own else names.MASTER_NAME].append(item)  # the keeper is the master's
         proven = list[str]()
         try:
-            for app, workloads in own.items():
+            for item in self.step.workloads:
                 with contextlib.suppress(NotReadyError):
-                    self.cluster.wait(workloads, LAST_SECONDS)
+                    self.cluster.wait([item], LAST_SECONDS)
                     if self.hands.master:
-                        self.hands.stays(promised(self.hands.robot, [app]), LAST_SECONDS, PROMISED, workloads)
-                        self._prove(workloads)
-                        proven.append(app)
+                        self.hands.stays(promised(self.hands.robot, [app_of(item)]), LAST_SECONDS, PROMISED, [item])
+                        self._prove([item])
+                        proven.append(app_of(item))
         except FleetError as error:
             self.say(f"{self.name}: {error}")
         raise StaysError(f"{UNFINISHED}; up: {', '.join(proven)}" if proven else UNFINISHED)

@@ -50,15 +50,13 @@ class Change:
     untouched = NOTHING  # what a run leaves where nothing of the change was made, in words
     left = ""  # the same where it was made and can neither be proven nor taken back
 
-    def __init__(self, host: str, step: Step, settings: Settings, world: World) -> None:
-        self.step, self.name, self.settings, self.check = step, step.name, settings, settings.check
+    def __init__(self, host: str, told: StepResult, settings: Settings, world: World) -> None:
+        self.name, self.settings, self.check = told.name, settings, settings.check
         self.clock, self.say, self.trace = world.clock, world.say, world.trace
-        since = settings.since.get(step.name)
+        since = settings.since.get(self.name)
         waited = 0.0 if since is None else world.clock.now() - since
         started = world.clock.wall() - waited
-        self.told = StepResult(
-            step_id(host, step.apps, started), step.name, step.apps, step.handoff, step.before, step.after, started, {}
-        )
+        self.told = replace(told, id=step_id(host, told.apps, started), started=started)
         self.rests: list[Rest] = []
         self.begun = False  # something may have been written
         self.written = False  # all of it was
@@ -181,7 +179,9 @@ class StepChange(Change):
     """A change of what runs on a robot: the first of the `steps` of its plan, after which the others come."""
 
     def __init__(self, steps: Sequence[Step], hands: Hands) -> None:
-        super().__init__(hands.robot.name, steps[0], hands.settings, hands.world)
+        step = self.step = steps[0]
+        told = StepResult("", step.name, tuple(step.apps), step.handoff, step.before, step.after)
+        super().__init__(hands.robot.name, told, hands.settings, hands.world)
         self.hands, self.host, self.cluster, self.later = hands, hands.host, hands.cluster, steps
         self.maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
 

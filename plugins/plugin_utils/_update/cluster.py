@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from ...module_utils._common.errors import KubeError
+from ...module_utils._step.objects import labels_of
 from ...module_utils._step.words import LEASE, LEASE_SECONDS, OWNER
 from .._kube.applied import Applied
 from .._kube.cache import Ref, parse_refs
@@ -20,7 +21,6 @@ from .._kube.client import Kube, ref_of
 from .._kube.connection import ApiError
 from .._kube.door import KeeperDoor
 from .._kube.lease import Lease
-from .._kube.pods import condition
 from .._kube.wait import WaitOptions, wait_for_rollout
 from .._model import names
 from .._model.context import Robot, master_namespace
@@ -45,19 +45,6 @@ def run_name(known: Mapping[str, object]) -> str:
     return f"{socket.gethostname()}, process {os.getppid()} ({own})"
 
 
-def live_in(kube: Kube, namespaces: Iterable[str]) -> Live:
-    """What these namespaces have, of ours only."""
-    wanted = [(kind, namespace) for kind in KINDS for namespace in namespaces]
-    ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
-    with ThreadPoolExecutor(len(wanted)) as pool:
-        lists = list(pool.map(lambda one: kube.objects(one[0], one[1], ours), wanted))
-    found: dict[str, list[Object]] = {kind: [] for kind in KINDS}
-    for (kind, _namespace), items in zip(wanted, lists, strict=True):
-        # the items of a list do not say what they are
-        found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
-    return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
-
-
 class KubeCluster:
     """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes.
 
@@ -71,7 +58,16 @@ class KubeCluster:
         self._restarts: dict[str, dict[str, int]] = {}  # by pod uid, those that it had before this run
 
     def read(self, namespaces: Iterable[str]) -> Live:
-        return live_in(self._kube, namespaces)
+        """What these namespaces have, of ours only."""
+        wanted = [(kind, namespace) for kind in KINDS for namespace in namespaces]
+        ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
+        with ThreadPoolExecutor(len(wanted)) as pool:
+            lists = list(pool.map(lambda one: self._kube.objects(one[0], one[1], ours), wanted))
+        found: dict[str, list[Object]] = {kind: [] for kind in KINDS}
+        for (kind, _namespace), items in zip(wanted, lists, strict=True):
+            # the items of a list do not say what they are
+            found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
+        return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
 
     def door(self, robot: Robot) -> KeeperDoor:
         return KeeperDoor(self._kube, master_namespace(robot), robot.namespace, self._holder)
@@ -198,23 +194,5 @@ def robots_on(kube: Kube, node: str, robots: Iterable[Robot]) -> list[Robot]:
     ]
 
 
-def server_versions(nodes: Iterable[Object]) -> dict[str, str]:
-    """Node of each server -> the version of its kubelet, which is that of its k3s."""
-    return {
-        str(node["metadata"]["name"]): str(((node.get("status") or {}).get("nodeInfo") or {}).get("kubeletVersion"))
-        for node in nodes
-        if is_server(node)
-    }
-
-
-def servers_down(nodes: Iterable[Object], but: str) -> list[str]:
-    """Servers other than `but` that are not Ready: with one more away the cluster may have no majority."""
-    return sorted(
-        str(node["metadata"]["name"])
-        for node in nodes
-        if is_server(node) and node["metadata"]["name"] != but and condition(node, "Ready").get("status") != "True"
-    )
-
-
 def is_server(node: Object) -> bool:
-    return any(label in (node["metadata"].get("labels") or {}) for label in SERVER_LABELS)
+    return any(label in labels_of(node) for label in SERVER_LABELS)

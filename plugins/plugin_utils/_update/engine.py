@@ -29,14 +29,13 @@ from .._model.outcomes import FAILED, ROLLED_BACK, UNCHANGED, UPDATED
 from .._objects.namespace import removed_claims, storage_objects
 from .._objects.parts import APPS, MASTER, READY, ground_objects
 from .addresses import NAMES, located, other_master
-from .app_change import PROMISED, AppChange, InstallChange, RemovalChange
+from .app_change import AppChange, InstallChange, RemovalChange
 from .change import NOTHING, StepChange, word_of
 from .cluster import KubeCluster
 from .hands import Hands, Settings, World
-from .lifecycle import with_install, with_removals
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, promised, rendered, update_plan
-from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, read_records, suspects, unused
+from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
 
@@ -90,22 +89,16 @@ class Engine(Hands):
                 raise self.trouble
             installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
             if READY in self.settings.request.parts and not (self.check or installed):
-                self._all_ready()
+                # all of it is rolled out, and its graph is what its apps promise, whether or not they were changed
+                workloads = deployments_of(all_of(self.desired))
+                self.cluster.wait([*storage_objects(self.robot), *workloads], self.settings.rollout_timeout)
+                self.as_promised(promised(self.robot, [app.name for app in self.robot.apps]))
         except FleetError as error:
             reason = "; ".join(filter(None, [outcome.reason, str(error)]))
             return replace(outcome, outcome=word_of(error, begun=True), reason=reason)
         if outcome.outcome == UNCHANGED and self.changes:
             return replace(outcome, outcome=UPDATED, reason=", ".join(str(change.ref) for change in self.changes))
         return outcome
-
-    def _all_ready(self) -> None:
-        """All of it is rolled out, and its graph is what its apps promise, whether or not they were changed."""
-        workloads = deployments_of(all_of(self.desired))
-        self.cluster.wait([*storage_objects(self.robot), *workloads], self.settings.rollout_timeout)
-        self.need_master()
-        conditions = promised(self.robot, [app.name for app in self.robot.apps])
-        with self.telling():
-            self.ready(conditions, float(conditions["timeout"]), PROMISED)
 
     # --- whose the robot is -----------------------------------------------------------------------------------------
 
@@ -199,8 +192,7 @@ class Engine(Hands):
         self.robot, settings, request = located(self.robot, self.live), self.settings, self.settings.request
         self.desired = rendered(self.robot)
         self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
-        plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
-        self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)
+        self.plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:
@@ -298,7 +290,7 @@ class Engine(Hands):
         others = [one for one in outdated(self.live.pods, self.settings.known) if one.app not in taken]
         events = known_events(self.live.maps, self.robot.name)
         known = {str(event.get("reason")) for event in events if NEWS not in event}
-        back = ways_back(self.live.deployments, read_records(self.live.maps))
+        back = ways_back(self.live.deployments, self.live.records)
         told = {app: back_in_words(one) for app, one in back.items()}
         new = [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
         return [*new, *dict.fromkeys(f"{one.app} {one.what}; {TODO}" for one in others)]
@@ -307,24 +299,23 @@ class Engine(Hands):
 # --- the wait between two waves -------------------------------------------------------------------------------------
 
 
-def soak(cluster: KubeCluster, namespaces: Sequence[str], new: Mapping[str, str], world: World) -> RobotOutcome:
+def soak(cluster: KubeCluster, robot: Robot, new: Mapping[str, str], world: World) -> RobotOutcome:
     """What became of a robot whose apps were updated, once its keeper has proven what is new, or taken it back.
 
     `new` is app -> revision. KubeError.
     """
-    clock = world.clock
+    hands, clock = Hands(robot, Settings(), cluster, world), world.clock
     began = clock.now()
     while True:
-        live = cluster.read(namespaces)
-        records = read_records(live.maps)
-        back = ways_back(live.deployments, records)
+        live = hands.read()
+        back = ways_back(live.deployments, live.records)
         bad = [f"{app}: {back_in_words(told)}" for app, told in back.items() if told["from"] == new.get(app)]
         if bad:
             return RobotOutcome(ROLLED_BACK, "; ".join(bad))
-        soaking = [app_of(item) for item in live.deployments if soaks(item, records) and app_of(item) in new]
+        soaking = [app_of(item) for item in live.deployments if soaks(item, live.records) and app_of(item) in new]
         if not soaking:
             return RobotOutcome(UPDATED)
-        spent, seconds = clock.now() - began, max(records[app].soak for app in soaking)
+        spent, seconds = clock.now() - began, max(live.records[app].soak for app in soaking)
         if spent >= 2 * seconds + LATE:
             return RobotOutcome(
                 FAILED,

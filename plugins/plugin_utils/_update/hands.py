@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
@@ -23,15 +22,17 @@ from .cluster import KubeCluster
 from .host import RobotSide
 from .outcome import EVENTS_NAME, StepResult, events_map
 from .plan import Request
-from .revisions import read_records
 from .step import NO_GRAPH, with_rates
 from .world import Calm, Live, MonotonicClock, Object, Seen
+
+Wait = Callable[[float], Seen]  # for so many seconds at most
 
 MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot, at least; what is open is said after each
 GRAPH_SECONDS = 1.0  # for which the graph has to be as it should be
 STAY_EXTRA = 5.0  # until the API shows what the robot shows
 LOOKS = 50  # at a robot that works, about, at most
+PROMISED = "the graph is what the apps promised"
 NO_MASTER = "run the stage master of rosops.fleet.site first"
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
@@ -60,7 +61,7 @@ class Settings:
     rollout_timeout: float = 300.0  # of what is installed, whose images may have to be pulled
     at_work: bool = True  # whether a robot at work may be changed; else it is only looked at
     known: Known = lambda _node, _ref: ()
-    edge_images: Mapping[str, Sequence[str]] = field(default_factory=dict)  # edge host -> names of images there
+    edge_images: Mapping[str, Collection[str]] = field(default_factory=dict)  # edge host -> names of images there
 
 
 @dataclass(frozen=True)
@@ -137,21 +138,14 @@ class Hands:
         if objects:
             self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
 
-    def events(self, running: StepResult | None = None, ended: Sequence[StepResult] = ()) -> Object:
-        """The record of the robot's updates with this run's steps: those that have ended, and the one at hand."""
-        back = ways_back(self.live.deployments, read_records(self.live.maps))
-        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
+    def events(self, *last: StepResult) -> Object:
+        """The record of the robot's updates with this run's steps: those that are over, and the `last` one."""
+        back = ways_back(self.live.deployments, self.live.records)
+        return events_map([*self.results, *last], self.robot.name, self.live.maps, back)
 
     # --- its graph --------------------------------------------------------------------------------------------------
 
-    def until(
-        self,
-        wait: Callable[[float], Seen],
-        timeout: float,
-        what: str,
-        least: float = SLICE,
-        since: float | None = None,
-    ) -> Seen:
+    def until(self, wait: Wait, timeout: float, what: str, least: float = SLICE, since: float | None = None) -> Seen:
         """Wait in slices, and say between two of them what is still open, and since when."""
         began = self.clock.now()
         self.trace(what)
@@ -187,12 +181,18 @@ class Hands:
         if seconds > at_first:
             self.ready(conditions, timeout, what)
 
-    @contextlib.contextmanager
-    def telling(self) -> Iterator[None]:
-        """Keep for the report how a look at what the whole robot promises ends."""
-        began, self.graph_told = self.clock.now(), {"verdict": FAIL}
+    def as_promised(self, conditions: Object, workloads: Sequence[Object] = ()) -> None:
+        """Wait until the graph is what apps promised, and where these were just installed, stays so; NotReadyError.
+
+        How that ends is kept for the report.
+        """
+        self.need_master()
+        began, timeout, self.graph_told = self.clock.now(), float(conditions["timeout"]), {"verdict": FAIL}
         try:
-            yield
+            if workloads:
+                self.stays(conditions, timeout, PROMISED, workloads)
+            else:
+                self.ready(conditions, timeout, PROMISED)
             self.graph_told["verdict"] = PASS
         finally:
             self.graph_told["elapsed"] = round(self.clock.now() - began, 3)
@@ -234,6 +234,7 @@ class Rest:
     def __init__(self, hands: Hands, policy: str, since: float | None) -> None:
         self._hands, self.policy, self.since = hands, policy, since
         self.seconds = hands.settings.busy_timeout if policy == "wait" and not hands.check else 0.0
+        self.look = hands.settings.look_timeout  # seconds of one wait; None: all that are left
         self.held: dict[str, Object] = {}  # by name, actions whose new goals are, or may be, held back
 
     @property
@@ -244,9 +245,7 @@ class Rest:
         """Whether there is anything to wait for; in check mode whoever forces wants to know of it, too."""
         return bool(calm) and (self.policy != "force" or self._hands.check)
 
-    def begin(
-        self, calm: Calm, change: str, who: str = "", look: float | None = None, seconds: float | None = None
-    ) -> None:
+    def begin(self, calm: Calm, change: str, who: str = "", seconds: float | None = None) -> None:
         """Wait until it is, as `idle` does; BusyError, or NotReadyError where nobody can tell.
 
         In check mode nobody has waited: what would be waited for is no reason against the change.
@@ -256,7 +255,7 @@ class Rest:
         owners = {topic: app.name for topic, app, _said in promised(hands.robot) if topic in silent} if silent else {}
         for topic, app in owners.items():  # it may be down, and come up with this very run
             hands.say(f"{change}: {topic} is app {app}'s, which publishes nothing; {UNASKED}")
-        seen = self.idle(calm, f"{change} waits until {who or 'the robot'} is idle", look, seconds=seconds)
+        seen = self.idle(calm, f"{change} waits until {who or 'the robot'} is idle", seconds=seconds)
         if hands.check:
             hands.say(f"{change}: {whose}{'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
         if seen.verdict == FAIL and self.policy != "force":
@@ -266,18 +265,11 @@ class Rest:
         if seen.verdict == PASS and seen.reason:  # a goal that comes now may be lost
             hands.say(f"{change}: {whose}{seen.reason}")
 
-    def idle(
-        self,
-        calm: Calm,
-        what: str,
-        look: float | None = None,
-        hold: bool = True,
-        seconds: float | None = None,
-    ) -> Seen:
+    def idle(self, calm: Calm, what: str, hold: bool = True, seconds: float | None = None) -> Seen:
         """Wait until it is, and hold new goals, so that none comes before the change.
 
-        `what` says who waits for what, `look` how many seconds may pass in this call; None: all that are left. Or
-        `seconds`, whatever is left. Without `hold`, and in check mode, nothing is held: the robot is only looked at.
+        `what` says who waits for what, `seconds` for how long, whatever is left. Without `hold`, and in check mode,
+        nothing is held: the robot is only looked at.
         """
         hands, now = self._hands, self._hands.clock.now()
         self.since = now if self.since is None else self.since
@@ -285,8 +277,8 @@ class Rest:
         before, named = self.held, {action["name"]: action for action in calm.actions if hold and not hands.check}
         heard = calm.seconds + MARGIN if calm.when else 0.0  # in fewer it cannot be seen
         left = max(left if seconds is None else seconds, heard)
-        if seconds is None and look is not None and self.seconds:
-            left = min(left, max(look, heard) if look else 0.0)
+        if seconds is None and self.look is not None and self.seconds:
+            left = min(left, max(self.look, heard) if self.look else 0.0)
 
         def looks(slice_: float) -> Seen:
             wall = hands.clock.wall()

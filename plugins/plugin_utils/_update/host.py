@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from ...module_utils._common.errors import KubeError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
 from ...module_utils._ros.graph import Graph
 from ...module_utils._ros.graph_json import graph_data, graph_from
+from .._kube.door import KeeperDoor
 from .world import Calm, Object, Seen
 
 INTERVAL = 0.2
@@ -20,21 +20,13 @@ Job = Callable[[str, Object], Object]  # of `module_utils/_ros/jobs.py`: its nam
 Bring = Callable[[Sequence[str]], None]  # have these images on the node; NotReadyError, AwayError
 
 
-class Door(Protocol):
-    """A keeper that has jobs done; KubeError where it does not answer."""
-
-    def there(self) -> None: ...
-
-    def job(self, name: str, arguments: Object) -> Object: ...
-
-
 class RobotSide:
     """AwayError where the robot cannot be reached. `there` is an answer of its host, `job` has a job done there."""
 
     def __init__(self, there: Callable[[], None], job: Job, bring: Bring) -> None:
         self.there, self.bring, self._job = there, bring, job
 
-    def by(self, door: Door, trace: Callable[[str], None]) -> RobotSide:
+    def by(self, door: KeeperDoor, trace: Callable[[str], None]) -> RobotSide:
         """The same robot, of which the keeper is asked first, and the host where the keeper does not answer.
 
         That costs the robot no interpreter, and the run no connection to it.
@@ -70,8 +62,7 @@ class RobotSide:
         at = {"keeper_uri": keeper} if keeper else {}
         values = {"values": list(calm.when)} if calm.when else {}
         asked = {"actions": list(calm.actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
-        found = self._job("hold", {"master_uri": master, **at, **asked})
-        return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""))
+        return _seen(self._job("hold", {"master_uri": master, **at, **asked}))
 
     def release(self, keeper: str, actions: Sequence[Object]) -> None:
         """Let the held goals go."""
@@ -82,8 +73,7 @@ class RobotSide:
     def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
         """Wait until the conditions (options of ros_ready) hold, for `stable` seconds without a break."""
         asked = {"timeout": timeout, "stable": stable, "interval": INTERVAL}
-        found = self._job("ready", {"master_uri": master, **conditions, **asked})
-        return Seen(_verdict(found), str(found.get("msg") or ""))
+        return _seen(self._job("ready", {"master_uri": master, **conditions, **asked}))
 
     def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
         """Register these nodes (all without names) with the master as the graph shows them."""
@@ -101,7 +91,8 @@ def _well(result: Object) -> Object:
     return result
 
 
-def _verdict(result: Object) -> str:
+def _seen(result: Object) -> Seen:
     """A job that broke off without a verdict can tell nothing, whatever it was asked."""
-    found = result.get("verdict")
-    return str(found) if found in (PASS, WAIT, FAIL) else FAIL
+    verdict = result.get("verdict")
+    reason = str(result.get("reason") or result.get("msg") or "")
+    return Seen(str(verdict) if verdict in (PASS, WAIT, FAIL) else FAIL, reason)

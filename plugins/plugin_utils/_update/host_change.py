@@ -14,7 +14,6 @@ import dataclasses
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from ...module_utils._common.errors import FleetError, KubeError, NotReadyError
 from ...module_utils._common.poll import PASS
@@ -29,19 +28,19 @@ from .change import Change
 from .cluster import KubeCluster
 from .hands import HOLD_SECONDS, SLICE, BusyError, Hands, Rest, Settings, World
 from .outcome import StepResult
-from .plan import Step
 from .revisions import key_of
 from .world import AwayError, Calm, CancelledError, Object
 
 PAUSE = 1.0  # between two looks at what comes up
 
 
-class Work(Protocol):
+class Work:
     """What is to be done to the host. Every method does what it says or raises one of our errors."""
 
     name: str
-    before: str  # what an operator reads of what is there
-    after: str  # of what is to come; the same as `before` where only settings change
+    node: str  # of the host in its cluster
+    before = ""  # what an operator reads of what is there
+    after = ""  # of what is to come; the same as `before` where only settings change
     unproven: bool  # whether what is there was made by a run that ended before it was proven
     left: str  # what a run leaves that can neither prove it nor go back
 
@@ -58,31 +57,28 @@ class Work(Protocol):
         """What is there now has been proven, and is what a later change goes back to."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """The host in its cluster, by the name of its `node`, with those `robots` that may work there.
-
-    Without a cluster nobody can be asked who works there, and without a node there is none to be proven by.
-    """
-
-    cluster: KubeCluster | None = None
-    node: str = ""
-    robots: Sequence[Robot] = ()
-
-
 class HostChange(Change):
+    """Of a host where these `robots` may work. Without its cluster nobody can be asked who does."""
+
     where = "host"
 
-    def __init__(self, work: Work, place: Place, settings: Settings, world: World) -> None:
-        self.work, self.world, self.left = work, world, work.left
-        self.cluster, self.node, self.robots = place.cluster, place.node, place.robots
+    def __init__(
+        self,
+        work: Work,
+        settings: Settings,
+        world: World,
+        cluster: KubeCluster | None = None,
+        robots: Sequence[Robot] = (),
+    ) -> None:
+        self.work, self.world, self.left, self.node = work, world, work.left, work.node
+        self.cluster, self.robots = cluster, robots
         self.wards: list[Ward] = []
         self._beat = ""  # the kubelet's last word before the change
         self._claims = contextlib.ExitStack()
         new = {"image": work.after, "revision": "settings" if work.before == work.after else ""}
         before, after = {work.name: {"image": work.before}}, {work.name: new}
-        step = Step(work.name, self.where, [work.name], "replace", before=before, after=after)
-        super().__init__(place.node, step, settings, world)
+        told = StepResult("", work.name, (work.name,), "replace", before, after)
+        super().__init__(self.node, told, settings, world)
 
     def take(self) -> StepResult:
         """The claims end when nothing is held any more."""
@@ -116,8 +112,8 @@ class HostChange(Change):
         while True:
             began = now()
             for ward, rest in resting.items():
-                look = settings.look_timeout and max(settings.look_timeout - (now() - first), 0.0)
-                rest.begin(ward.calm, self.name, ward.robot.name, look)
+                rest.look = settings.look_timeout and max(settings.look_timeout - (now() - first), 0.0)
+                rest.begin(ward.calm, self.name, ward.robot.name)
             if len(resting) < 2 or self.check or now() - began < HOLD_SECONDS - SLICE:
                 return
             # what was held first has been let go by its keeper meanwhile
@@ -155,7 +151,7 @@ class HostChange(Change):
         """That the robots are this run's still, and what the kubelet says just before the change; KubeError."""
         if self.cluster:
             self.cluster.confirm()
-            self._beat = self.cluster.beat(self.node) if self.node else ""
+            self._beat = self.cluster.beat(self.node)
 
     def verify(self) -> None:
         """By the change's own word, by the node and its Deployments, by the graphs; NotReadyError says what is not."""
@@ -179,7 +175,7 @@ class HostChange(Change):
 
     def _look(self, end: float) -> None:
         """Once, whether all is there again; KubeError, NotReadyError."""
-        if self.cluster and self.node:
+        if self.cluster:
             # the API's word on a node may be older than the change: only a kubelet that says something new is up
             if self.cluster.beat(self.node) == self._beat:
                 raise NotReadyError(f"node {self.node}: its kubelet has not been heard of since")
@@ -271,7 +267,7 @@ class Ward(Hands):
 
 
 def contract_name(node: str) -> str:
-    return f"host-change-{node}" if node else "host-change"
+    return f"host-change-{node}"
 
 
 def conditions(graph: Graph, nodes: Iterable[str]) -> Object:

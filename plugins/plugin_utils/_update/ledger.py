@@ -12,7 +12,7 @@ import fcntl
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,13 +37,13 @@ class Ledger:
 
     def refusal(self, budget: str, hosts: int) -> str:
         """Why this wave may not begin, or nothing. SpecError for a budget that is none."""
-        earlier = {
-            line["robot"]: line["outcome"]
+        earlier = dict.fromkeys(
+            line["robot"]
             for line in _lines(self._path)
             if line["wave"] != self._wave and line["outcome"] in COSTS_BUDGET
             if (line["kind"] == SERVERS) == (self._kind == SERVERS)
-        }
-        if budget_left(budget, hosts, earlier.values()) >= 0:
+        )
+        if len(earlier) <= failures_allowed(budget, hosts):
             return ""
         return f"not begun: {', '.join(earlier)} failed, which is more than update_failure_budget allows"
 
@@ -68,11 +68,8 @@ class Ledger:
         return next(mine, {})
 
 
-def budget_left(budget: Any, robots: int, outcomes: Iterable[str]) -> int:
-    """How many more robots may fail. The budget is a number of robots or a percentage of them, rounded down.
-
-    Negative: it is used up, and no further wave may begin.
-    """
+def failures_allowed(budget: Any, robots: int) -> int:
+    """How many robots may fail. The budget is a number of robots or a percentage of them, rounded down."""
     text = str(budget).strip()
     try:
         allowed = math.floor(robots * float(text[:-1]) / 100) if text.endswith("%") else int(text)
@@ -82,7 +79,7 @@ def budget_left(budget: Any, robots: int, outcomes: Iterable[str]) -> int:
         ) from None
     if allowed < 0:
         raise SpecError(f"update_failure_budget is {budget!r}; allowed: 0 or more")
-    return allowed - sum(word in COSTS_BUDGET for word in outcomes)
+    return allowed
 
 
 class Word(NamedTuple):

@@ -72,18 +72,16 @@ def fulfilled(maps: Iterable[Object]) -> list[Object]:
     return [{**item, "data": record_of(item).fulfilled().data()} for item in maps]
 
 
-def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> list[Object]:
+def found_good(maps: Iterable[Object], soak: float, pods: Sequence[Object]) -> list[Object]:
     """The records of a step that its run has found good; `pods` are those of the new version."""
-    own: dict[str, list[Object]] = {}
-    templates = {}
-    for pod in pods:
-        own.setdefault(app_of(pod), []).append(pod)
-        if labels_of(pod).get(TEMPLATE_HASH):
-            templates[revision_of_pod(pod)] = labels_of(pod)[TEMPLATE_HASH]
-    ends = {app: ends_of(there) for app, there in own.items()}
-    return [
-        {**item, "data": record_of(item).found_good(soak, ends.get(app_of(item), 0), templates).data()} for item in maps
-    ]
+    hashes = {revision_of_pod(pod): labels_of(pod).get(TEMPLATE_HASH) for pod in pods}
+    templates = {revision: found for revision, found in hashes.items() if found}
+
+    def good(item: Object) -> Object:
+        ends = ends_of(pod for pod in pods if app_of(pod) == app_of(item))
+        return {**item, "data": record_of(item).found_good(soak, ends, templates).data()}
+
+    return [good(item) for item in maps]
 
 
 def marked(objects: Iterable[Object], maps: Iterable[Object], run: str, key: str = UPDATING) -> list[Object]:

@@ -10,15 +10,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 from ...module_utils._common.errors import printable
 from ...module_utils._step import update_record
 from ...module_utils._step.update_record import NEWS, REASON_KEPT, RUNNING, closed, data_of, events_of
 from .._model import names
-from .._model.keys import plain
+from .._model.keys import plain, read
 from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 from .._objects.common import config_map, owner_labels
 
@@ -41,16 +41,16 @@ def step_id(robot: str, apps: Sequence[str], started: float) -> str:
 
 @dataclass(frozen=True)
 class StepResult:
-    """A step that has ended, or (without an outcome) the one at hand. `phases` are seconds by name."""
+    """A step that has ended, or the one at hand: without an outcome, or WAITING. `phases` are seconds by name."""
 
-    id: str
-    name: str
-    apps: Sequence[str]
-    handoff: str
-    before: Mapping[str, Mapping[str, str]]  # app -> image and revision
-    after: Mapping[str, Mapping[str, str]]
-    started: float  # since 1970
-    phases: Mapping[str, float]
+    id: str = ""
+    name: str = ""
+    apps: tuple[str, ...] = ()
+    handoff: str = ""
+    before: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # app -> image and revision
+    after: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    started: Annotated[float, float] = 0.0  # since 1970
+    phases: Mapping[str, Annotated[float, float]] = field(default_factory=dict)
     outcome: str = ""
     reason: str = ""
 
@@ -63,15 +63,7 @@ class StepResult:
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> StepResult:
         """What `as_dict` made of it; AttributeError, TypeError or ValueError for what is of another shape."""
-        texts = {key: str(told.get(key) or "") for key in ("id", "name", "handoff", "outcome", "reason")}
-        return cls(
-            apps=tuple(map(str, told.get("apps") or ())),
-            before=_versions(told.get("from")),
-            after=_versions(told.get("to")),
-            started=float(told.get("started") or 0),
-            phases={str(name): float(seconds) for name, seconds in (told.get("phases") or {}).items()},
-            **texts,
-        )
+        return read(cls, {**told, "before": told.get("from"), "after": told.get("to")})
 
     def told(self) -> str:
         """`temperature lab/apps:1.0 -> lab/apps:1.1 in 6.1 s`."""
@@ -104,11 +96,6 @@ class RobotOutcome:
         return cls(str(told.get("outcome") or ""), str(told.get("reason") or ""), steps)
 
 
-def _versions(told: Any) -> dict[str, dict[str, str]]:
-    """App -> image and revision."""
-    return {str(app): {str(key): str(said or "") for key, said in one.items()} for app, one in (told or {}).items()}
-
-
 def robot_outcome(results: Sequence[StepResult], steps: int) -> RobotOutcome:
     """Of a robot whose plan had so many steps; the first one that does not end well is the last one begun."""
     words = [result.outcome for result in results]
@@ -130,21 +117,18 @@ def events_map(
     results: Sequence[StepResult],
     robot: str,
     maps: Iterable[dict[str, Any]] = (),
-    running: StepResult | None = None,
     went_back: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """The ConfigMap to apply.
 
-    `results` are the steps of this run that have ended, `running` is the one at hand (no outcome, or that it waits for
-    the robot), `maps` are the ConfigMaps of the robot's namespace as they were before the run, `went_back` is app ->
-    how the keeper took it back. What an earlier run left as running has failed: that run is gone, and an alert on it
-    must not stay for ever.
+    `results` are the steps of this run, `maps` are the ConfigMaps of the robot's namespace as they were before the run,
+    `went_back` is app -> how the keeper took it back. What an earlier run left as running has failed: that run is gone,
+    and an alert on it must not stay for ever.
     """
     events = [closed(event, went_back.get(event["app"])) for event in known_events(maps, robot)]
     # a run tells what is new in it, and only once
     events = [{key: value for key, value in event.items() if key != NEWS} for event in events]
     events += [event for result in results for event in _events(result)]
-    events += [{**event, "finished": None} for event in (_events(running) if running else [])]
     # what comes later in the list is later, whatever a clock that was set back says
     latest = sorted({str(event["app"]): event for event in events}.items())
     namespace = names.robot_namespace(robot)
@@ -160,21 +144,20 @@ def known_events(maps: Iterable[dict[str, Any]], robot: str) -> list[dict[str, A
 
 def _events(result: StepResult) -> list[dict[str, Any]]:
     """A step's result as one event per app."""
+    told = result.as_dict()
     # not the time at which this is worked out: the same step gives the same bytes in every later apply
     finished = round(result.started + sum(result.phases.values()), 3)
-    whole: dict[str, Any] = {
-        "id": result.id,
-        "step": result.name,
-        "handoff": result.handoff,
-        "outcome": result.outcome or RUNNING,
-    }
-    whole |= {"reason": result.reason[:REASON_KEPT], "started": round(result.started, 3), "finished": finished}
-    whole |= {"phases": dict(result.phases), "busy_wait": result.phases.get("wait", 0.0)}
-    return [{**whole, "app": app, **_sides(result, app)} for app in result.apps]
+    whole = {key: told[key] for key in ("id", "handoff", "phases", "busy_wait")}
+    whole |= {"step": result.name, "outcome": result.outcome or RUNNING, "reason": told["reason"][:REASON_KEPT]}
+    whole |= {"started": round(result.started, 3)}
+    whole |= {"finished": None if result.outcome in ("", WAITING) else finished}
+    return [
+        {**whole, "app": app, **_version("from", app, result.before), **_version("to", app, result.after)}
+        for app in result.apps
+    ]
 
 
-def _sides(result: StepResult, app: str) -> dict[str, str]:
+def _version(side: str, app: str, versions: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     """Empty for what was not there before."""
-    before, after = result.before.get(app, {}), result.after.get(app, {})
-    images = {"from_image": before.get("image", ""), "to_image": after.get("image", "")}
-    return {"from": before.get("revision", ""), "to": after.get("revision", ""), **images}
+    found = versions.get(app, {})
+    return {side: found.get("revision", ""), f"{side}_image": found.get("image", "")}

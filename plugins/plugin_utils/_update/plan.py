@@ -7,13 +7,13 @@ to apply, what was there before, the ROS nodes' old and new names, and what has 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.names import resolve
-from ...module_utils._step.objects import app_of, has_gate, hash_of, name_of, node_of
+from ...module_utils._step.objects import app_of, handoff_of, has_gate, hash_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
 from .._model.app import App
@@ -24,15 +24,16 @@ from .._objects.app import app_objects
 from .._objects.master import keeper_objects, ros_core_objects
 from .._objects.parts import APPS, PARTS, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
+from .addresses import NAMES, SERVING
 from .nodes import Launched, intended, launched
-from .revisions import Key, deployments_of, described, identity, kept, key_of, read_records, working
+from .revisions import Key, deployments_of, described, files_owner, identity, kept, key_of, working
 from .world import Live, Object
 
 MASTER, KEEPER, EXPORTER = names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_NAME
-PREVIOUS = "previous"
+PREVIOUS, ALL = "previous", "all"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
-APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; others are the master's, and a host's
+APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; another one is the master's
 
 Desired = Mapping[str, Sequence[Object]]  # app -> its objects, the master and its keeper as apps of these names
 
@@ -55,8 +56,7 @@ class Step:
     new_nodes: Mapping[str, str] = field(default_factory=dict)  # app -> its ROS node after the step
     old_nodes: Mapping[str, str] = field(default_factory=dict)
     launched: Mapping[str, Launched] = field(default_factory=dict)  # apps whose nodes a launch file names
-    actions: Sequence[str] = ()  # that the apps serve
-    idle: Sequence[str] = ()  # that have to rest besides
+    rest: Sequence[str] = ()  # actions that have to rest, beside those that the apps serve on the graph
     on_busy: str | None = None
     when: Sequence[Object] = ()  # what messages must say before, options of ros_ready
     windows: Windows = ALWAYS  # of time, in which it may be taken
@@ -126,33 +126,29 @@ def promised(robot: Robot, apps: Collection[str]) -> Object:
     return graph_conditions(replace(robot, apps=tuple(app for app in robot.apps if app.name in apps)))
 
 
-def update_plan(
-    robot: Robot,
-    desired: Desired,
-    live: Live,
-    request: Request = Request(),  # noqa: B008 - it is frozen
-    drifted: Collection[Key] = (),
-) -> Plan:
+def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, drifted: Collection[Key]) -> Plan:
     """What has to be done about a robot. `drifted`: Deployments (namespace, name) that are not what they say."""
     unknown = sorted(set(request.only) - set(desired))
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {key_of(item): item for item in live.deployments}
-    records = read_records(live.maps)
-    there = _Robot(robot, desired, running, records, drifted, working(live, records))
+    there = _Robot(robot, desired, running, live.records, drifted, working(live))
     # a master is not made without its keeper, nor a pod whose gate only a new keeper opens
-    gated = (app for app in request.only if any(map(has_gate, desired[app])) and there.open(desired[app]))
+    gated = (app for app in request.only if has_gate(there.workload(app)) and there.open(app))
     needing = MASTER in request.only or any(gated)
     brought = KEEPER if needing and not request.to else ""
     asked = [
         app for app, objects in desired.items()
         if (not request.only or app in request.only or app == brought)
-        and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
+        and (MASTER_PART if app in NAMES else APPS) in request.parts
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
     if request.to:
-        return _back(there, asked, request)
-    return replace(_forward(there, asked), remnants=_exporters(live, request))
+        return Plan(_back(there, asked, request))
+    known = {key_of(item) for item in deployments_of([*all_of(desired), *keeper_objects(robot)])}
+    orphans = sorted(key[1] for key in running if key not in known and key[1] != EXPORTER)
+    plan = Plan(there.steps(asked), orphans, _exporters(live, request))
+    return _with_removals(plan, robot, live, request)
 
 
 @dataclass(frozen=True)
@@ -164,43 +160,51 @@ class _Robot:
     live: Mapping[Key, Object]
     records: Mapping[str, Record]  # app -> that of its last step
     drifted: Collection[Key]  # Deployments that somebody changed by hand
-    working: Collection[Key]  # those that were proven once, or work now
+    working: Set[Key]  # those that were proven once, or work now
+
+    def workload(self, app: str) -> Object:
+        """The app's Deployment as it is wanted."""
+        return next(iter(deployments_of(self.desired[app])))
+
+    def running(self, app: str) -> Object | None:
+        """The app's Deployment as it is."""
+        return self.live.get(key_of(self.workload(app)))
+
+    def steps(self, apps: Iterable[str], back: bool = False) -> list[Step]:
+        """Those that these apps need, in order."""
+        changed = [app for app in apps if self.open(app)]
+        return _with_install(self, [self.step(members, back) for members in _ordered(self.robot.apps, changed)])
 
     def step(self, members: Sequence[str], back: bool = False) -> Step:
-        objects = [item for app in members for item in self.desired[app]]
-        workloads = deployments_of(objects)
         apps = {app.name: app for app in self.robot.apps if app.name in members}
-        first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
-        changed = any(map(self.differs, workloads))
+        wanted = {app: self.workload(app) for app in members}
+        there = {app: item for app in members if (item := self.running(app))}
+        changed = any(map(self.differs, members))
         unproven = [
-            app for app in members for item in deployments_of(self.desired[app])
-            if self._unproven(self.live.get(key_of(item))) and not (changed and self._found_at_work(item))
-        ]  # fmt: skip
-        previous = self._previous(workloads)
-        running = {app: node_of(self.live[key_of(first[app])]) for app in apps if key_of(first[app]) in self.live}
+            app for app, item in there.items() if self._unproven(item) and not (changed and self._found_at_work(app))
+        ]
+        previous = {app: before for app, item in there.items() if (before := self._previous(app, item))}
+        running = {app: node_of(item) for app, item in there.items() if app in apps}
         old_nodes = {app: node_of(previous[app]) for app in apps if app in previous} if unproven else running
         return Step(
-            name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
+            name=members[0] if len(members) == 1 else str(next((app.update.group for app in apps.values()), INSTALL)),
             kind=MASTER_PART if list(members) == [MASTER] else APP,
             apps=list(members),
-            drifted=any(key_of(item) in self.drifted for item in workloads),
+            drifted=any(key_of(item) in self.drifted for item in wanted.values()),
             handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
-            objects=objects,
+            objects=[item for app in members for item in self.desired[app]],
             previous=previous,
-            created=[identity(item) for item in workloads if key_of(item) not in self.live],
+            created=[identity(item) for app, item in wanted.items() if app not in there],
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,
-            new_nodes={app: node_of(first[app]) for app in apps},
+            new_nodes={app: node_of(wanted[app]) for app in apps},
             old_nodes=old_nodes,
             launched={
                 app: found for app, spec in apps.items() if app in previous
-                if (found := launched(previous[app], first[app], spec))
+                if (found := launched(previous[app], wanted[app], spec))
             },
-            actions=self._full(
-                (app, item["name"]) for app in apps.values() if app.handoff == "drain" for item in app.readiness.actions
-            ),
-            idle=self._full((app, name) for app in apps.values() for name in app.update.idle),
+            rest=self._rest(apps.values()),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
             when=context.wanted_before(self.robot, apps.values()),
             windows=self.robot.windows,
@@ -208,40 +212,30 @@ class _Robot:
             patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),
             conditions={} if back else promised(self.robot, members),
             before={app: described(previous[app]) for app in members if app in previous},
-            after={app: described(first[app]) for app in members},
+            after={app: described(item) for app, item in wanted.items()},
             histories={app: record.history for app, record in self.records.items()},
         )  # fmt: skip
 
-    def differs(self, item: Object) -> bool:
+    def differs(self, app: str) -> bool:
         """Whether something else was applied, or is there."""
-        there = self.live.get(key_of(item))
-        return there is None or hash_of(there) != hash_of(item) or key_of(item) in self.drifted
+        wanted, there = self.workload(app), self.running(app)
+        return there is None or hash_of(there) != hash_of(wanted) or key_of(wanted) in self.drifted
 
-    def open(self, objects: Iterable[Object]) -> bool:
-        """Whether one of the Deployments has to be changed, proven, or rid of its mark."""
-        return any(
-            self.differs(item) or self._unproven(there) or mark_of(there) is not None
-            for item in deployments_of(objects)
-            for there in [self.live.get(key_of(item))]
-        )
+    def open(self, app: str) -> bool:
+        """Whether its Deployment has to be changed, proven, or rid of its mark."""
+        there = self.running(app)
+        return self.differs(app) or self._unproven(there) or mark_of(there) is not None
 
-    def _previous(self, workloads: Sequence[Object]) -> dict[str, Object]:
-        """What to go back to, by app: the last proven version. Where nobody knows one it is what runs, if it goes."""
-        found: dict[str, Object] = {}
-        for item in workloads:
-            app, there = app_of(item), self.live.get(key_of(item))
-            if there is None:
-                continue
-            record, unproven = self.records.get(app, Record()), self._unproven(there)
-            if unproven and record.before is not None:
-                found[app] = record.before
-            elif self.differs(item) or not unproven:
-                found.setdefault(app, kept(there, whole=key_of(there) in self.drifted))
-        return found
+    def _previous(self, app: str, there: Object) -> Object | None:
+        """What to go back to: the last proven version. Where nobody knows one it is what runs, if it goes."""
+        before, unproven = self.records.get(app, Record()).before, self._unproven(there)
+        if unproven and before is not None:
+            return before
+        return kept(there, whole=key_of(there) in self.drifted) if self.differs(app) or not unproven else None
 
-    def _found_at_work(self, item: Object) -> bool:
+    def _found_at_work(self, app: str) -> bool:
         """Whether it works, and no version before it is known: then its graph is what the next one owes."""
-        return key_of(item) in self.working and not self.records.get(app_of(item), Record()).history
+        return key_of(self.workload(app)) in self.working and not self.records.get(app, Record()).history
 
     def _unproven(self, there: Object | None) -> bool:
         """Whether somebody has to prove it: a step that was cut off, or nobody who has written it down, marked it.
@@ -253,33 +247,50 @@ class _Robot:
         found = answer(there, self.records)
         return found in UNPROVEN or (found == UNKNOWN and mark_of(there) is not None)
 
-    def _full(self, actions: Iterable[tuple[App, str]]) -> list[str]:
-        """Full names of actions as apps name them, each once."""
-        robot = self.robot
-        found = [
-            resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot)) for app, name in actions
-        ]
+    def _rest(self, apps: Iterable[App]) -> list[str]:
+        """Full names of the actions that have to rest by these apps' word, each once."""
+        found: list[str] = []
+        for app in apps:
+            served = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
+            space, node = context.graph_namespace(app, self.robot), context.graph_node(app, self.robot)
+            found += [resolve(name, space, node) for name in [*served, *app.update.idle]]
         return list(dict.fromkeys(found))
 
 
-def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
-    changed = [app for app in asked if there.open(there.desired[app])]
-    known = {key_of(item) for item in deployments_of([*all_of(there.desired), *keeper_objects(there.robot)])}
-    return Plan(
-        [there.step(members) for members in _ordered(there.robot.apps, changed)],
-        sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER),
+def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:
+    """The steps with all that never came up as one, the last one, where no app is at work: nothing can be disturbed.
+
+    Its records say so before anything of it is there, and know no way back. So an installation that was cut off is
+    known by them, and what it has brought up is installed once more: as it is wanted, so that nothing becomes of it but
+    a proof. The robot's messages are not asked before the other steps, those of master and keeper: the app that would
+    publish them is itself to come, and after them.
+    """
+    again = [step for step in steps if step.resume and not step.previous]
+    installed = {app for step in again for app in step.apps}
+    # as long as there are no apps, what serves them is at nobody's work
+    if {app for space, app in there.working if space == there.robot.namespace} - installed - {*SERVING}:
+        return [*steps]
+    new = [step for step in steps if step in again or not there.working & {*map(key_of, step.workloads)}]
+    others = [replace(step, when=[]) for step in steps if step not in new]
+    apps = [app for step in new for app in step.apps]
+    if not apps:
+        return others
+    # it replaces nothing
+    whole = replace(
+        there.step(apps), kind=INSTALL, handoff="replace", previous={}, before={}, old_nodes={}, launched={}
     )
+    return [*others, replace(whole, name=INSTALL if len(apps) > 1 else whole.name)]
 
 
 def _exporters(live: Live, request: Request) -> list[Object]:
     """The exporters of earlier collections, where the keeper that does their work is brought, or is there."""
-    if MASTER_PART not in request.parts or (request.only and not {MASTER, KEEPER} & {*request.only}):
+    if MASTER_PART not in request.parts or (request.only and not {*NAMES} & {*request.only}):
         return []
     there = [identity(item) for item in [*live.deployments, *live.maps] if name_of(item) == EXPORTER]
     return [item for item in there if (request.shared if _is_shared([item]) else request.own)]
 
 
-def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
+def _back(there: _Robot, asked: Sequence[str], request: Request) -> list[Step]:
     """Every app to its previous, or to the named revision.
 
     Apps without a history are `unchanged`, unless they were named, or a revision was: then it is an error that lists
@@ -287,11 +298,10 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
     """
     target: dict[str, Sequence[Object]] = {}
     for app in asked:
-        if app in (MASTER, KEEPER) and app not in request.only:
+        if app in NAMES and app not in request.only:
             continue  # its own history goes back only when it is named: apps outlive their master's version
         history = there.records.get(app, Record()).history
-        key = next(key_of(item) for item in deployments_of(there.desired[app]))
-        running = hash_of(there.live.get(key))  # what runs is no way back
+        running = hash_of(there.running(app))  # what runs is no way back
         others = [entry for entry in history if hash_of(entry["deployment"]) != running]
         found = [entry["deployment"] for entry in others if request.to in (PREVIOUS, entry["revision"])]
         if found:
@@ -300,9 +310,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
             wanted = "previous revision" if request.to == PREVIOUS else f"revision {request.to}"
             there_are = ", ".join(f"{entry['revision']} ({entry.get('image', '?')})" for entry in history)
             raise SpecError(f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {there_are or 'none'}")
-    changed = [app for app in target if there.open(target[app])]
-    back = replace(there, desired={**there.desired, **target})
-    return Plan([back.step(members, back=True) for members in _ordered(there.robot.apps, changed)])
+    return replace(there, desired={**there.desired, **target}).steps(target, back=True)
 
 
 def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
@@ -326,3 +334,79 @@ def _ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
 
 def _is_shared(objects: Sequence[Object]) -> bool:
     return any(item["metadata"]["namespace"] == names.FLEET_NAMESPACE for item in objects)
+
+
+# --- what the inventory has no more -----------------------------------------------------------------------------------
+
+
+def _with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Plan:
+    """The plan with a step for each app that goes, and what there is of it besides; SpecError.
+
+    What runs goes last, so that a robot whose new version is refused has what it had. What is in the way of a new
+    version, by its node's name, a device or a port, goes first.
+    """
+    wanted = {app.name for app in robot.apps}
+    if not (request.remove and request.own and APPS in request.parts):
+        return plan
+    still = sorted(wanted & {*request.remove})
+    if still:
+        raise SpecError(
+            f"update_remove_apps names {', '.join(still)}, which {robot.name} is to have: take it out of ros_apps first"
+        )
+
+    # a master of its own, of a robot that has another one by now
+    left = NAMES if robot.master.mode != "robot" else ()
+    stays = {"", *wanted, *(set(SERVING) - {*left})}
+    shows = {*map(key_of, keeper_objects(robot))}  # of an external master, by a name that a keeper may have had
+
+    def goes(item: Object) -> bool:
+        app = app_of(item) or files_owner(item)[1]
+        ours = item["metadata"]["namespace"] == robot.namespace and app not in stays
+        return ours and (ALL in request.remove or app in request.remove)
+
+    going = [item for item in live.deployments if goes(item) and key_of(item) not in shows]
+    if going and ALL in request.remove and not robot.apps:
+        raise SpecError(
+            f"the inventory has no app for {robot.name}, and update_remove_apps is {ALL}: if it is to have none, name "
+            f"what goes: {', '.join(map(app_of, going))}"
+        )
+    first = [item for item in going if _in_the_way(item, plan.steps)]
+    last = [item for item in going if item not in first]
+    apps = {app_of(item) for item in going}
+    return replace(
+        plan,
+        steps=[*(_removal(item, robot) for item in first), *plan.steps, *(_removal(item, robot) for item in last)],
+        orphans=[name for name in plan.orphans if name not in apps],
+        remnants=[*plan.remnants, *(identity(item) for item in [*live.maps, *live.services] if goes(item))],
+    )
+
+
+def _removal(item: Object, robot: Robot) -> Step:
+    app = app_of(item)
+    return Step(
+        name=app,
+        kind=REMOVE,
+        apps=[app],
+        handoff=handoff_of(item),
+        previous={app: kept(item)},
+        old_nodes={app: node_of(item)},
+        when=context.wanted_before(robot),
+        windows=robot.windows,
+        before={app: described(item)},
+    )
+
+
+def _in_the_way(item: Object, steps: Sequence[Step]) -> bool:
+    nodes = {node for step in steps for node in step.new_nodes.values()} - {""}
+    taken = [_takes(other) for step in steps for other in step.workloads]
+    return node_of(item) in nodes or any(_takes(item) & other for other in taken)
+
+
+def _takes(deployment: Object) -> set[tuple[str, object]]:
+    """What of its host a pod takes for itself alone."""
+    pod = deployment["spec"]["template"]["spec"]
+    paths = {("path", volume["hostPath"]["path"]) for volume in pod.get("volumes") or [] if "hostPath" in volume}
+    ports = {
+        ("port", one["hostPort"]) for each in pod["containers"] for one in each.get("ports") or () if "hostPort" in one
+    }
+    return paths | ports

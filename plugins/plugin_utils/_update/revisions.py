@@ -8,11 +8,11 @@ was put beside our fields (`kubectl set env`, a second container, a pause) is se
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from typing import Any
 
-from ...module_utils._step.objects import annotations_of, app_of, hash_of, is_in, is_ready, name_of, revision_of
-from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, UNPROVEN, Record, answer, record_of, soaks
+from ...module_utils._step.objects import annotations_of, app_of, hash_of, is_in, is_ready, revision_of
+from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, UNPROVEN, answer, soaks
 from ...module_utils._step.words import BACK_TO, SOAKING, UPDATING, WENT_BACK
 from .._kube.applied import applied_part, foreign_fields, left_fields
 from .._model import names
@@ -22,17 +22,12 @@ Key = tuple[str, str]  # namespace, name
 PASSING = (UPDATING, SOAKING, BACK_TO, WENT_BACK)  # what is noted on a Deployment, of this time and not of the next
 
 
-def read_records(maps: Iterable[Object]) -> dict[str, Record]:
-    """App -> what its ConfigMap `<app>-update` keeps."""
-    return {app: record_of(item) for item in maps if (app := app_of(item)) and name_of(item) == names.update_name(app)}
-
-
-def working(live: Live, records: Mapping[str, Record]) -> set[Key]:
+def working(live: Live) -> set[Key]:
     """The Deployments that may be at work: all but those that no step has ever proven and that have no Ready pod."""
     ready = {(pod["metadata"]["namespace"], app_of(pod)) for pod in live.pods if is_ready(pod)}
-    found = {key_of(item): answer(item, records) for item in live.deployments}
+    found = {key_of(item): answer(item, live.records) for item in live.deployments}
     at_work = PROVEN, GOING_BACK, UNKNOWN
-    return {key for key, said in found.items() if said in at_work or records[key[1]].history or key in ready}
+    return {key for key, said in found.items() if said in at_work or live.records[key[1]].history or key in ready}
 
 
 def files_owner(item: Object) -> Key:
@@ -45,7 +40,7 @@ def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[
 
     A version is one that is there, one that is kept for the way back, or the one that is wanted.
     """
-    there = [entry["deployment"] for record in read_records(live.maps).values() for entry in record.history]
+    there = [entry["deployment"] for record in live.records.values() for entry in record.history]
     mounted = {
         (key_of(item)[0], volume["configMap"]["name"])
         for item in [*live.deployments, *there]
@@ -99,8 +94,8 @@ def deployments_of(objects: Iterable[Object]) -> list[Object]:
 
 
 def identity(item: Object) -> dict[str, Any]:
-    """As much of an object as deleting it takes."""
-    metadata = {key: item["metadata"][key] for key in ("name", "namespace")}
+    """As much of an object as deleting it takes, and nothing else that has its name by then."""
+    metadata = {key: item["metadata"][key] for key in ("name", "namespace", "uid") if key in item["metadata"]}
     return {"apiVersion": item["apiVersion"], "kind": item["kind"], "metadata": metadata}
 
 
@@ -116,7 +111,7 @@ def suspects(wanted: Iterable[Object], live: Live) -> list[Object]:
 
     What a step has noted on them stays there: to take it off is no change by hand.
     """
-    there, records = {key_of(item): item for item in live.deployments}, read_records(live.maps)
+    there, records = {key_of(item): item for item in live.deployments}, live.records
     return [
         _with_notes(item, found)
         for item in wanted

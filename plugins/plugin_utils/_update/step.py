@@ -19,13 +19,13 @@ from .._images.archive import normal_ref
 from .._model import names
 from .nodes import Launched, Succession, allowed, obstacle, succession
 from .plan import Step
-from .revisions import read_records
 from .world import Calm, Live, Object
 
 AGAIN_AND_AGAIN, SHORT_LIFE = 3, 10.0  # restarts of a container, and seconds
 EVER = "1970-01-01T00:00:00+00:00"
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
 NO_GRAPH = Graph()
+HELD_TO_PROVEN = "the next version is held to what was proven of this one"
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     own = own_nodes(step.old_nodes, graph, live.pods, {app: launch.old for app, launch in step.launched.items()})
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
-    records = read_records(live.maps)
+    records = live.records
     for app, found in own.items():
         graph = ros_contract.as_before(graph, found, _sent_before(step, app, records))
     proven = _proven(step, records)
@@ -59,11 +59,14 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     kept = {app: records.get(app, Record()).contract for app in step.unproven}
     kept |= {app: proven[app].contract.owed(step.intended) for app in down}
     follows = _succession(step, graph, own, kept)
-    resting = actions_to_rest(graph, nodes, [*step.actions, *step.idle])
+    resting = actions_to_rest(graph, nodes, step.rest)
     return Gate(
         _contracts(step, graph, own, kept, follows),
         [*_problems(step, graph, own), *_images_missing(step, images or {})],
-        [*_down(down), *_nameless(graph, live.pods)],
+        [
+            *(f"{', '.join(missing)} of {app} does not answer: {HELD_TO_PROVEN}" for app, missing in down.items()),
+            *_nameless(graph, live.pods),
+        ],
         Calm([*resting, *_silent(proven, live.pods, graph)], step.when, step.windows),
         [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
@@ -207,13 +210,6 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
                 "stop it, or change node_name"
             )
     return problems
-
-
-def _down(down: Mapping[str, Sequence[str]]) -> list[str]:
-    return [
-        f"{', '.join(missing)} of {app} does not answer: the next version is held to what was proven of this one"
-        for app, missing in down.items()
-    ]
 
 
 def _nameless(graph: Graph, pods: Iterable[Object]) -> list[str]:

@@ -8,13 +8,16 @@ says or raises one of our errors; `AwayError` says that the robot cannot be reac
 from __future__ import annotations
 
 import contextlib
+import functools
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ...module_utils._common.errors import FleetError
 from ...module_utils._step import objects
+from ...module_utils._step.record import Record, record_of
+from .._model import names
 from .._model.windows import ALWAYS, Windows
 
 Object = objects.Object
@@ -44,6 +47,12 @@ class Live:
     maps: Sequence[Object] = ()
     services: Sequence[Object] = ()
     pods: Sequence[Object] = ()
+
+    @functools.cached_property
+    def records(self) -> Mapping[str, Record]:
+        """App -> what its ConfigMap `<app>-update` keeps."""
+        known = [item for item in self.maps if item["metadata"]["name"] == names.update_name(objects.app_of(item))]
+        return {objects.app_of(item): record_of(item) for item in known}
 
     def service_uri(self, name: str, namespace: str) -> str:
         """`http://address:port` of a Service, or nothing where it is not there."""

@@ -230,7 +230,7 @@ def test_images_of_all_edge_hosts_are_known_from_one(
     assert result["outcome"]["outcome"] == "unchanged"
     assert (result["verdict"], result["elapsed"]) == ("pass", 0.5)  # for the report
     assert edge.asked == asked
-    assert settings[0].edge_images == ({"edge1": ["docker.io/lab/apps:1.0"]} if asked else {})
+    assert settings[0].edge_images == ({"edge1": {"docker.io/lab/apps:1.0": "sha256:1"}} if asked else {})
     assert settings[0].known("edge1", "lab/apps:1.0") == ({"sha256:1"} if asked else ())
     assert settings[0].known("robot1", "redis:7") == {"sha256:7"}  # seen in this run
     assert not settings[0].known("robot1", "redis:8")

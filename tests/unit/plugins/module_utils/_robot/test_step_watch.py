@@ -547,7 +547,7 @@ def recorded(world: World, app: str = "camera", outcome: str = "running", namesp
         {app: {"image": "a:2", "revision": "rev2"}}, 1000.0, {"apply": 2.0}, "" if outcome == "running" else outcome,
     )  # fmt: skip
     robot = namespace.partition("-")[2]
-    made = events_map([], robot, running=result)
+    made = events_map([result], robot)
     made["metadata"]["resourceVersion"] = "5"
     world.maps[namespace, "robot-updates"] = made
     return world

@@ -82,7 +82,7 @@ def test_a_long_reason_is_cut_and_what_somebody_spoilt_is_left_out() -> None:
 
 def test_the_latest_steps_are_those_of_the_robots_own_record() -> None:
     running = StepResult("def", "map", ("map",), "drain", {}, {}, 1795327300.0, {"wait": 5.0})
-    record = events_map([STEP], "robot1", (), running)
+    record = events_map([STEP, running], "robot1", ())
     old = events_map([replace(STEP, id="old", started=1795000000.0)], "robot1", ())  # of the cluster before
     metadata = {"name": "robot-updates", "namespace": "mine"}
     foreign: dict[str, Any] = {"metadata": metadata, "data": {"updates.json": "{}"}}

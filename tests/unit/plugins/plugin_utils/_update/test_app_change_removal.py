@@ -11,7 +11,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.lifecycle import with_removals
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
@@ -161,7 +160,7 @@ def test_of_a_master_that_was_the_robots_own_all_goes_but_what_shows_the_externa
     )
     own = [{**item, "kind": "Service"} for item in applied(robot()).deployments]
     live = replace(applied(external), services=own)
-    plan = with_removals(planned(external, live), external, live, Request(remove=["ros-master", "ros-keeper"]))
+    plan = planned(external, live, Request(remove=["ros-master", "ros-keeper"]))
     assert (plan.steps, plan.orphans) == ([], [])
     assert {(item["kind"], item["metadata"]["name"]) for item in plan.remnants} == {
         ("Service", "ros-master"),

@@ -21,10 +21,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
     SURE_SECONDS,
     KubeCluster,
     _Claim,
+    is_server,
     robots_on,
     run_name,
-    server_versions,
-    servers_down,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, ticking
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
@@ -277,11 +276,8 @@ def test_what_ends_counts_where_it_is_watched(
     assert (asked[0].before is asked[1].before) == strict
 
 
-def test_servers_and_who_of_them_is_away() -> None:
-    nodes = [node("edge1", True, "False"), node("edge2", True), node("robot1", False, "False")]
-    assert server_versions(nodes) == {"edge1": "v1.34.2+k3s1", "edge2": "v1.34.2+k3s1"}
-    assert servers_down(nodes, "edge2") == ["edge1"]
-    assert servers_down(nodes, "edge1") == []
+def test_servers() -> None:
+    assert [is_server(one) for one in (node("edge1", True, "False"), node("robot1", False))] == [True, False]
 
 
 def test_it_ticks_until_the_block_ends() -> None:

@@ -10,7 +10,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import soak
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedCluster, SimulatedHost, Simulation
@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulate
 HANDOFFS = ("overlap", "drain", "replace", "launch", "group")
 LATE = ("crashes-after-30", "crashes-after-90", "sends-less-after-30", "loses-its-edges-after-30")
 SOAK = Settings().soak
-ROBOT = "robot-robot1"
+ROBOT, WHOSE = "robot-robot1", SCENARIOS["overlap"].robot(OLD)
 
 
 def apps_of(name: str) -> list[str]:
@@ -32,7 +32,7 @@ def images(sim: Simulation, name: str) -> set[str]:
 
 def said(sim: Simulation, name: str) -> set[str]:
     """What the versions of its apps are."""
-    records = read_records([item for key, item in sim.objects.items() if key[0] == "ConfigMap"])
+    records = Live(maps=[item for key, item in sim.objects.items() if key[0] == "ConfigMap"]).records
     return {answer(sim.objects["Deployment", ROBOT, one], records) for one in apps_of(name)}
 
 
@@ -87,14 +87,14 @@ def waited_for(sim: Simulation, wanted: Robot) -> RobotOutcome:
     assert outcome_of(sim, wanted).outcome == "updated"
     new = {"sensor": sim.deployment((ROBOT, "sensor"))}
     sim.quiet = lambda *_given: None  # type: ignore[method-assign] # Ansible's own process says that a task goes on
-    return soak(SimulatedCluster(sim), [ROBOT], {app: revision_of(one) for app, one in new.items() if one}, around(sim))
+    return soak(SimulatedCluster(sim), WHOSE, {app: revision_of(one) for app, one in new.items() if one}, around(sim))
 
 
 def test_the_next_wave_begins_once_it_is_proven() -> None:
     sim, wanted = begin("overlap", "good")
     assert waited_for(sim, wanted) == RobotOutcome("updated")
     assert said(sim, "overlap") == {PROVEN}
-    assert soak(SimulatedCluster(sim), [ROBOT], {"sensor": "another"}, around(sim)) == RobotOutcome("updated")
+    assert soak(SimulatedCluster(sim), WHOSE, {"sensor": "another"}, around(sim)) == RobotOutcome("updated")
 
 
 def test_the_next_wave_learns_that_it_was_taken_back() -> None:

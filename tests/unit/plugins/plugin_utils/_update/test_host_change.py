@@ -25,7 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import word_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Ward
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object, Seen
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -113,9 +113,9 @@ class Site(Simulation):
         since = more.pop("since", None)
         limits = settings(**{"ready_timeout": 60.0, "since": {} if since is None else {Work.name: since}, **more})
         self.checking, self.forced = limits.check, limits.on_busy == "force"
-        place = Place(HostCluster(self), "node1", self.robots) if cluster else Place()
+        place = (HostCluster(self), self.robots) if cluster else ()
         was = self.there
-        change = HostChange(Work(self), place, limits, World(SimulatedHost(self), self, self.say, self.stands))
+        change = HostChange(Work(self), limits, World(SimulatedHost(self), self, self.say, self.stands), *place)
         try:
             found = change.take()
         except Killed:
@@ -147,7 +147,7 @@ class Site(Simulation):
 class Work:
     """A site's, as `HostChange` wants it."""
 
-    name, before, left = "k3s", "v1.34.2", UNPROVEN
+    name, node, before, left = "k3s", "node1", "v1.34.2", UNPROVEN
 
     def __init__(self, site: Site) -> None:
         self.after = site.to
@@ -503,7 +503,6 @@ def test_only_what_was_well_before_is_asked_of_the_proof() -> None:
     site = Site()
     ward = Ward(site.robots[0], Settings(), HostCluster(site), World(SimulatedHost(site), site))
     (item, *_more) = app_objects(site.robots[0])
-    assert host_change.contract_name("") == "host-change"
     for wanted, there, well in (({"replicas": 2}, 1, False), ({"replicas": 2}, 2, True), ({}, 1, True), ({}, 0, False)):
         ward.live = Live([{**item, "spec": wanted, "status": {"availableReplicas": there}}])
         assert bool(ward.available()) is well, (wanted, there)

@@ -119,7 +119,7 @@ def test_a_step_that_ended() -> None:
 
 
 def test_one_id_from_begin_to_end_and_another_for_the_next_time() -> None:
-    begun = told(events_map([], "robot1", running=step("temperature", outcome="", phases={"gate": 1.0})))[0]["id"]
+    begun = told(events_map([step("temperature", outcome="", phases={"gate": 1.0})], "robot1"))[0]["id"]
     ended = told(events_map([step("temperature")], "robot1"))[0]["id"]
     later = told(events_map([step("temperature", started=STARTED + 100)], "robot1"))[0]["id"]
     assert begun == ended != later
@@ -139,7 +139,7 @@ def test_the_latest_step_of_each_app_is_kept_whatever_the_clock_says() -> None:
 
 
 def test_what_a_killed_run_left_open_has_failed() -> None:
-    before = events_map([], "robot1", running=step("a", outcome="", phases={"gate": 1.0, "apply": 17.0004}))
+    before = events_map([step("a", outcome="", phases={"gate": 1.0, "apply": 17.0004})], "robot1")
     (event,) = told(events_map([], "robot1", [before]))
     assert (event["outcome"], event["reason"], event["finished"]) == ("failed", CUT_OFF, 1795252105.348)
 
@@ -172,7 +172,7 @@ def test_another_robots_configmap_is_not_taken_for_its_own() -> None:
 def test_the_exporter_reads_what_is_written_here(tmp_path: Path) -> None:
     file = tmp_path / "updates.json"
     running = step("c", outcome="", started=STARTED + 20, before={})
-    made = events_map([step("b", "a", name="pair")], "robot1", running=running)
+    made = events_map([step("b", "a", name="pair"), running], "robot1")
     file.write_text(made["data"]["updates.json"], encoding="utf-8")
     updates = Updates(str(file))
     lines = [json.loads(line) for line in updates.read(STARTED + 30)]

@@ -96,7 +96,7 @@ def test_master_and_keeper_are_never_replaced_together() -> None:
     keeper, master = planned(after, applied(before)).steps
     for step, name, kind in ((keeper, "ros-keeper", "app"), (master, "ros-master", "master")):
         assert {item["metadata"]["name"] for item in step.objects} == set(step.previous) == set(step.before) == {name}
-        assert (step.name, step.kind, step.handoff, step.actions, step.created) == (name, kind, "replace", [], [])
+        assert (step.name, step.kind, step.handoff, step.rest, step.created) == (name, kind, "replace", [], [])
 
 
 def test_neither_goes_back_unless_it_is_named() -> None:
@@ -264,8 +264,8 @@ def test_a_step_says_all_that_its_phases_need() -> None:
     wanted = fleet("x.org/a:2")
     step = planned(wanted, applied(fleet("x.org/a:1"), update_map("map", []))).steps[-1]
     assert (step.name, step.kind, step.apps, step.handoff) == ("motion", "app", ["map", "drive", "arm"], "drain")
-    assert step.actions == ["/plan", "/drive/go", "/arm/go"]
-    assert (step.idle, step.on_busy) == (["/dock", "/map/lift", "/charge"], "defer")
+    assert step.rest == ["/dock", "/map/lift", "/plan", "/drive/go", "/charge", "/arm/go"]
+    assert step.on_busy == "defer"
     assert step.conditions["nodes"] == list(step.new_nodes.values())
     assert step.objects == [item for item in app_objects(wanted) if app_of(item) in step.apps]
     assert (step.histories, step.unproven, step.resume) == ({"map": ()}, [], False)
