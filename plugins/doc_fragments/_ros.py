@@ -25,15 +25,9 @@ options:
     type: float
     default: 2.0
 attributes: # these modules only look
-  check_mode:
-    description: It changes nothing, and returns the same in either mode.
-    support: full
-  diff_mode:
-    description: It changes nothing.
-    support: N/A
-  idempotent:
-    description: A second run with the same options changes nothing.
-    support: full
+  check_mode: {description: 'It changes nothing, and returns the same in either mode.', support: full}
+  diff_mode: {description: It changes nothing., support: N/A}
+  idempotent: {description: A second run with the same options changes nothing., support: full}
 requirements:
   - Python 3.8 on the host that the module runs on, and nothing else; no ROS installation
 notes:
@@ -58,19 +52,12 @@ options:
     elements: dict
     default: []
     suboptions:
-      name:
-        description: Name of the topic.
-        type: str
-        required: true
+      name: {description: Name of the topic., type: str, required: true}
       type:
         description: Message type, such as V(std_msgs/String). Another one of a node that is up is a failure at once.
         type: str
-      publishers:
-        description: Smallest number of publishers that answer.
-        type: int
-      subscribers:
-        description: Smallest number of subscribers that answer.
-        type: int
+      publishers: {description: Smallest number of publishers that answer., type: int}
+      subscribers: {description: Smallest number of subscribers that answer., type: int}
       connected:
         description:
           - Every subscriber must be connected to every publisher, by the publishers' word.
@@ -101,20 +88,14 @@ options:
     elements: dict
     default: []
     suboptions:
-      name:
-        description: Name of the service.
-        type: str
-        required: true
+      name: {description: Name of the service., type: str, required: true}
   actions:
     description: Actions (actionlib) that must have exactly one server that publishes its status.
     type: list
     elements: dict
     default: []
     suboptions:
-      name:
-        description: Name of the action, the part before C(/goal) and C(/status).
-        type: str
-        required: true
+      name: {description: 'Name of the action, the part before C(/goal) and C(/status).', type: str, required: true}
       state:
         description:
           - V(up) needs a living server.
@@ -129,18 +110,9 @@ options:
     elements: dict
     default: []
     suboptions:
-      publisher:
-        description: The node that publishes.
-        type: str
-        required: true
-      topic:
-        description: Name of the topic.
-        type: str
-        required: true
-      subscriber:
-        description: The node that subscribes.
-        type: str
-        required: true
+      publisher: {description: The node that publishes., type: str, required: true}
+      topic: {description: Name of the topic., type: str, required: true}
+      subscriber: {description: The node that subscribes., type: str, required: true}
       peer:
         description:
           - Which of the two may leave by itself. If it is not registered any more, died, or has been silent in each
@@ -153,10 +125,7 @@ options:
     type: list
     elements: str
     default: []
-  namespace:
-    description: Namespace that relative names in the other options stand in.
-    type: str
-    default: /
+  namespace: {description: Namespace that relative names in the other options stand in., type: str, default: /}
   values:
     description:
       - What messages must say. They are read from the publishers themselves, without being registered with the master,
@@ -168,10 +137,7 @@ options:
     elements: dict
     default: []
     suboptions:
-      topic:
-        description: Name of the topic.
-        type: str
-        required: true
+      topic: {description: Name of the topic., type: str, required: true}
       field:
         description:
           - A field of its messages, such as V(percentage), V(pose.position.x) or V(status[0].level).
@@ -179,15 +145,9 @@ options:
           - A message without such a field fails the module at once, as waiting cannot mend that.
         type: str
         default: ""
-      above:
-        description: The field of the last message must be above this.
-        type: float
-      below:
-        description: The field of the last message must be below this.
-        type: float
-      equals:
-        description: The field of the last message must be this number, text or truth value.
-        type: raw
+      above: {description: The field of the last message must be above this., type: float}
+      below: {description: The field of the last message must be below this., type: float}
+      equals: {description: 'The field of the last message must be this number, text or truth value.', type: raw}
       quiet:
         description:
           - For so many seconds nothing must have come but zeros; it is quiet, too, where nobody publishes.

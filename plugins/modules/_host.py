@@ -21,14 +21,8 @@ options:
     choices: [facts, k3s_facts, k3s_ready, k3s_download, k3s_change, k3s_remove,
               ros_graph, ros_ready, ros_hold, ros_release, ros_register, ros_reap, ros_watch]
     required: true
-  arguments:
-    description: What the job takes.
-    type: dict
-    required: true
-  secrets:
-    description: More of that, which no log gets.
-    type: dict
-    default: {}
+  arguments: {description: What the job takes., type: dict, required: true}
+  secrets: {description: 'More of that, which no log gets.', type: dict, default: {}}
 author:
   - rosops.fleet contributors (@rosops)
 """

@@ -68,12 +68,8 @@ options:
       - A pod that was ready already when the module first saw it is not blamed for its former restarts.
     type: bool
     default: false
-  host:
-    description: URL of the cluster's API. Else E(K8S_AUTH_HOST).
-    type: str
-  api_key:
-    description: Token that the API knows the caller by. Else E(K8S_AUTH_API_KEY).
-    type: str
+  host: {description: 'URL of the cluster''s API. Else E(K8S_AUTH_HOST).', type: str}
+  api_key: {description: Token that the API knows the caller by. Else E(K8S_AUTH_API_KEY)., type: str}
   kubeconfig:
     description: A kubeconfig, as the path of a file or as a dictionary. Else E(K8S_AUTH_KUBECONFIG).
     type: raw
@@ -88,16 +84,12 @@ options:
     description: Whether the API's certificate has to be valid. Else E(K8S_AUTH_VERIFY_SSL).
     type: bool
     aliases: [verify_ssl]
-  proxy:
-    description: URL of the HTTP proxy on the way to the API. Else E(K8S_AUTH_PROXY).
-    type: str
+  proxy: {description: URL of the HTTP proxy on the way to the API. Else E(K8S_AUTH_PROXY)., type: str}
   no_proxy:
     description: Hosts, domains and networks that no proxy is asked for, separated by commas. Else E(K8S_AUTH_NO_PROXY).
     type: str
 attributes:
-  check_mode:
-    description: Looks once, and does neither wait nor fail because of a verdict.
-    support: full
+  check_mode: {description: 'Looks once, and does neither wait nor fail because of a verdict.', support: full}
 author: rosops.fleet contributors (@rosops)
 """
 

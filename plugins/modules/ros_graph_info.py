@@ -23,10 +23,7 @@ options:
     type: list
     elements: str
     default: []
-  rates:
-    description: Measure the topics' messages per second.
-    type: bool
-    default: false
+  rates: {description: 'Measure the topics'' messages per second.', type: bool, default: false}
   rate_source:
     description:
       - V(messages) subscribes and counts what comes, of each publisher.
@@ -36,10 +33,7 @@ options:
     type: str
     choices: [messages, counters]
     default: messages
-  rate_topics:
-    description: Measure these topics only; by default all.
-    type: list
-    elements: str
+  rate_topics: {description: Measure these topics only; by default all., type: list, elements: str}
   rate_nodes:
     description:
       - Measure only what these nodes publish, and only where somebody listens to it already, so that no publisher that

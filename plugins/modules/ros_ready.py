@@ -15,18 +15,9 @@ description:
     arrives.
   - A node that is dead or hung, a master that is not up yet, or a name that does not resolve are reasons to wait.
 options:
-  timeout:
-    description: Seconds to wait. With V(0) the module looks once.
-    type: float
-    default: 60.0
-  interval:
-    description: Seconds from the start of one look to the start of the next.
-    type: float
-    default: 0.5
-  consecutive:
-    description: Number of looks in a row that must find every condition true.
-    type: int
-    default: 1
+  timeout: {description: Seconds to wait. With V(0) the module looks once., type: float, default: 60.0}
+  interval: {description: Seconds from the start of one look to the start of the next., type: float, default: 0.5}
+  consecutive: {description: Number of looks in a row that must find every condition true., type: int, default: 1}
   stable:
     description:
       - Seconds for which every look must find every condition true. One that does not starts the count over.
