@@ -33,7 +33,9 @@ from .holds import Holds
 
 INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
-JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn
+JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn,
+LONGEST = 900.0  # and does not take longer than so many, whoever asks
+LASTING = ("timeout", "rate_seconds")
 CHANGING = ("register", "reap", "release")  # jobs; one that holds goals says so by the address of a keeper
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
 
@@ -107,6 +109,8 @@ class Door:
             arguments = {**json.loads(asked.body), "master_uri": self.ros.uri}
         except (TypeError, ValueError) as error:
             raise SpecError(f"what {asked.path} is given is no JSON object: {error}") from None
+        if not all(0.0 <= float(arguments.get(key) or 0.0) <= LONGEST for key in LASTING):
+            raise SpecError(f"a job may take {LONGEST:g} s at the most: {' and '.join(LASTING)}")
         if "keeper_uri" in arguments:
             arguments["keeper_uri"] = self.holds.keeper.uri
         try:

@@ -311,6 +311,7 @@ def test_what_is_no_job(world: World, jobs: list[tuple[str, Any]]) -> None:
     assert post(world, "reboot", {})[0] == 404
     assert post(world, "graph", b"[1")[0] == 404
     assert post(world, "graph", [1])[0] == 404
+    assert post(world, "ready", {"timeout": 901})[0] == post(world, "graph", {"rate_seconds": float("nan")})[0] == 404
     assert post(world, "graph", {}, namespace="robot-robot2") == (
         404,
         {"error": "this keeper does not look after robot-robot2"},
