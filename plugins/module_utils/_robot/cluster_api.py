@@ -56,6 +56,7 @@ class Cluster:
         self.port = int(environ.get("KUBERNETES_SERVICE_PORT") or 443)
         self.home = (self.account / "namespace").read_text("utf-8").strip()
         self._robots: tuple[float, list[str]] | None = None
+        self._left: list[http.client.HTTPSConnection] = []  # connections that nobody uses just now
 
     # ---- objects
 
@@ -112,11 +113,17 @@ class Cluster:
         """What happens to them from that version on, for some seconds: `{type, object}` as the API sends it."""
         query = {"labelSelector": OURS, "watch": "1", "allowWatchBookmarks": "1", "resourceVersion": version}
         path = f"{_path(namespace, 'Pod')}?{urlencode({**query, 'timeoutSeconds': str(WATCH_SECONDS)})}"
-        with self._answer(SILENT_SECONDS, "GET", path) as answer:
+        link = self._connection(SILENT_SECONDS)
+        try:
+            answer = self._asked(link, "GET", path)
             if answer.status >= 300:
                 raise ApiError(f"the Kubernetes API answered {answer.status} to a watch of {namespace}", answer.status)
             for line in answer:
                 yield json.loads(line)
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            raise self._unreachable(error) from error
+        finally:
+            link.close()
 
     def set_condition(self, namespace: str, pod: Object, condition: Object) -> None:
         """One of this very pod's."""
@@ -193,8 +200,7 @@ class Cluster:
     ) -> Object:
         target = f"{path}?{urlencode(query)}" if query else path
         data = None if body is None else json.dumps(body).encode()
-        with self._answer(SECONDS, method, target, data, content) as answer:
-            status, said = answer.status, answer.read()
+        status, said = self._exchange(method, target, data, content)
         try:
             found: Object = json.loads(said)
             message = "" if status < 300 else str(found.get("message", ""))
@@ -204,23 +210,50 @@ class Cluster:
             raise ApiError(f"the Kubernetes API answered {status} for {method} {path}: {message}", status)
         return found
 
-    @contextlib.contextmanager
-    def _answer(
-        self, seconds: float, method: str, target: str, data: bytes | None = None, content: str = JSON
-    ) -> Iterator[http.client.HTTPResponse]:
-        """Each over a connection of its own: who waits for an answer holds up nobody."""
+    def _exchange(self, method: str, target: str, data: bytes | None, content: str) -> tuple[int, bytes]:
+        """Over a connection that an earlier request has left, and that the server may have closed, else over a new one.
+
+        Who waits for an answer holds up nobody. A connection is kept because a handshake is what costs: the robot's
+        link to the API may be a radio.
+        """
+        link: http.client.HTTPSConnection | None = None
+        with contextlib.suppress(IndexError):  # another thread may take the last one
+            link = self._left.pop()
+        kept = link is not None
         try:
-            token = (self.account / "token").read_text("utf-8").strip()  # anew each time: the kubelet renews it
-            headers = {"User-Agent": MANAGER, "Authorization": f"Bearer {token}", "Content-Type": content}
-            context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-            context.load_verify_locations(str(self.account / "ca.crt"))
-            link = http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
-            with contextlib.closing(link):
-                link.request(method, target, data, {"Accept": JSON, **headers})
-                yield link.getresponse()
+            link = link or self._connection(SECONDS)
+            answer = self._asked(link, method, target, data, content)
+            found = answer.status, answer.read()
         except (OSError, http.client.HTTPException, ValueError) as error:
-            why = str(error) or type(error).__name__
-            raise ApiError(f"the Kubernetes API at {self.host} cannot be reached: {why}") from error
+            if link is not None:
+                link.close()
+            if kept:
+                return self._exchange(method, target, data, content)
+            raise self._unreachable(error) from error
+        self._left.append(link)
+        return found
+
+    def _asked(
+        self,
+        link: http.client.HTTPSConnection,
+        method: str,
+        target: str,
+        data: bytes | None = None,
+        content: str = JSON,
+    ) -> http.client.HTTPResponse:
+        token = (self.account / "token").read_text("utf-8").strip()  # anew each time: the kubelet renews it
+        headers = {"User-Agent": MANAGER, "Authorization": f"Bearer {token}", "Content-Type": content}
+        link.request(method, target, data, {"Accept": JSON, **headers})
+        return link.getresponse()
+
+    def _unreachable(self, error: Exception) -> ApiError:
+        why = str(error) or type(error).__name__
+        return ApiError(f"the Kubernetes API at {self.host} cannot be reached: {why}")
+
+    def _connection(self, seconds: float) -> http.client.HTTPSConnection:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.load_verify_locations(str(self.account / "ca.crt"))
+        return http.client.HTTPSConnection(self.host, self.port, timeout=seconds, context=context)
 
 
 def _path(namespace: str, kind: str, name: str = "") -> str:

@@ -138,8 +138,15 @@ def test_a_refusal_is_an_error_with_what_was_said(cluster: Cluster, server: Serv
 
 
 def test_a_server_that_was_restarted_is_found_again(cluster: Cluster, server: Server, tmp_path: Path) -> None:
+    cluster.lease(SPACE)
+    (link,) = cluster._left
+    assert link.sock is not None
+    link.sock.close()  # as after a restart: the connection that was kept is of no use
     assert cluster.deployments(SPACE) == []
+    (anew,) = cluster._left
+    assert anew is not link
     server.stop()
+    anew.close()
     with pytest.raises(ApiError, match=r"cannot be reached: .*refused"):
         cluster.lease(SPACE)
     again = start_server(tmp_path, SPACE)
