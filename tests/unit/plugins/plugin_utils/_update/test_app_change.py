@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
@@ -574,6 +575,24 @@ def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:
     found = outcome_of(sim, wanted, on_busy="force")
     assert (found.outcome, found.steps[0].phases.get("wait")) == ("rolled-back", None)
     assert found.steps[0].phases["rollback"] > 0.0
+
+
+def test_a_new_master_that_is_reached_by_every_second_question_gets_the_registrations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As long as its Service knows of the old pod, too."""
+    sim, wanted = begin("master", "good")
+    real, tried = SimulatedHost.register, list[str]()
+
+    def once(host: SimulatedHost, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
+        tried.append(master)
+        if len(tried) == 1:
+            raise RosError("the ROS master does not answer: no answer within 2 s")
+        real(host, master, graph, nodes)
+
+    monkeypatch.setattr(SimulatedHost, "register", once)
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert len(tried) == 2
 
 
 @pytest.mark.parametrize("name", ["drain", "replace"])

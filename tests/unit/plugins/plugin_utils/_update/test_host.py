@@ -130,6 +130,12 @@ def test_the_keeper_is_asked_and_the_host_where_the_keeper_does_not_answer(away:
     assert told == ([f"ready on its host: {away}"] if away else [])
 
 
+def test_what_dead_pods_left_is_looked_for_on_the_host() -> None:
+    keeper, on_host = Jobs(), Jobs()
+    RobotSide(lambda: None, on_host.run, lambda _images: None).by(KeeperOf(keeper), print).reap(MASTER, ["/b"])
+    assert (keeper.ran, on_host.ran) == ([], [job("reap", master_uri=MASTER, nodes=["/b"])])
+
+
 def test_what_the_keeper_says_went_wrong_is_not_asked_of_the_host() -> None:
     on_host = Jobs()
     door = KeeperOf(Jobs(failed=True, msg="another run changes this robot"))
