@@ -25,9 +25,8 @@ from .streams import greet
 # Of an address whose kernel says that nothing is there; a time-out says only that nothing came in time.
 _GONE = frozenset({errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
 UPDATES = 3  # publisher lists are sent again where they changed meanwhile
-# A pod's address that is no more: its host finds that out by three ARP requests, one second each. Whoever has just
-# talked with it believes in it for five seconds more, and asks it by itself three times first.
-UNREACHABLE = 12.0
+# A pod's address that is no more: its host finds that out by three ARP requests, one second each.
+UNREACHABLE = 5.0
 BETWEEN_LOOKS = 1.0
 
 
