@@ -15,6 +15,7 @@ from .._common.documents import Arguments, Data
 from .._common.errors import RosError
 from . import registrations
 from .backend import MasterState
+from .graph import host_of
 from .graph_json import graph_from
 from .names import is_meant
 from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
@@ -126,13 +127,23 @@ def register(arguments: Arguments) -> Data:
 
 
 def reap(arguments: Arguments) -> Data:
-    """Take back what those of the `nodes` left that are gone in two looks. One that is only late is not."""
+    """Take back what those of the `nodes` left that are gone in two looks. One that is only late is not.
+
+    `hosts` are addresses of pods that are no more: nobody has to be asked there, and for most of a minute the kernel
+    of who has just talked with such a pod would not know.
+    """
     ros, nodes = Registrar(arguments["master_uri"]), arguments["nodes"]
     suspects = {name: entry for name, entry in ros.snapshot().items() if is_meant(name, nodes)}
-    first = ros.ask(suspects, UNREACHABLE, own_word=False)
+    known = {name: Liveness(DEAD) for name, entry in suspects.items() if host_of(entry.uri) in arguments["hosts"]}
+
+    def look(entries: Mapping[str, Entry]) -> dict[str, Liveness]:
+        asked = {name: entry for name, entry in entries.items() if name not in known}
+        return {**ros.ask(asked, UNREACHABLE, own_word=False), **known}
+
+    first = look(suspects)
     suspects = {name: entry for name, entry in suspects.items() if registrations.gone(entry, first[name])}
-    if suspects:
+    if suspects.keys() - known:
         time.sleep(BETWEEN_LOOKS)
-    calls = registrations.remove(suspects, [first, ros.ask(suspects, UNREACHABLE, own_word=False)])
+    calls = registrations.remove(suspects, [first, look(suspects)])
     ros.apply(calls)
     return {"changed": bool(calls)}

@@ -285,6 +285,7 @@ class AppChange(StepChange):
                 self.host.register(hands.master, hands.registered, old)
             except RosError as error:  # without the old version there is nothing to register
                 self.say(f"{self.name}: its old nodes are not registered again yet: {error}")
+        leaving = decide.addresses(decide.new_pods(step, hands.read().pods))
         # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here;
         # and never without the contract, which a refused apply may have left unwritten
         hands.apply_all([*self.maps, *marked(previous, self.maps, run)])
@@ -292,7 +293,7 @@ class AppChange(StepChange):
         self.cluster.wait(previous, timeout)
         dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})
         if dead:
-            self.host.reap(hands.master, dead)
+            self.host.reap(hands.master, dead, leaving)
         proof = decide.proof_of_old(step, self.found, self.settings.rate_tolerance)
         hands.ready(proof, timeout, f"{self.name} is as it was")
         hands.apply_all(previous)
@@ -341,7 +342,7 @@ class RemovalChange(AppChange):
         own = own_nodes(self.step.old_nodes, self.hands.graph, self.hands.live.pods)
         nodes = [node for found in own.values() for node in found]
         if self.hands.recorded and nodes:
-            self.host.reap(self.hands.master, nodes)
+            self.host.reap(self.hands.master, nodes, ())
             self.hands.ready({"absent": nodes}, VERIFY_EXTRA, f"{self.name} has left the graph")
 
     def finish(self) -> StepResult:

@@ -13,8 +13,6 @@ from .._kube.door import KeeperDoor
 from .world import Calm, Object, Seen
 
 INTERVAL = 0.2
-# A pod that has talked with another one knows that its address is no more ten seconds after the host does.
-FROM_THE_HOST = ("reap",)
 RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken from the network
 
 
@@ -41,8 +39,6 @@ class RobotSide:
                 self.there()
 
         def job(name: str, arguments: Object) -> Object:
-            if name in FROM_THE_HOST:
-                return self._job(name, arguments)
             try:
                 return door.job(name, arguments)
             except KubeError as error:
@@ -84,9 +80,9 @@ class RobotSide:
         asked = {"master_uri": master, "graph": graph_data(graph), "nodes": list(nodes)}
         _well(self._job("register", asked))
 
-    def reap(self, master: str, nodes: Sequence[str]) -> None:
-        """Take away what dead nodes of these names left."""
-        _well(self._job("reap", {"master_uri": master, "nodes": list(nodes)}))
+    def reap(self, master: str, nodes: Sequence[str], hosts: Sequence[str]) -> None:
+        """Take away what dead nodes of these names left; `hosts` are addresses of pods that have gone."""
+        _well(self._job("reap", {"master_uri": master, "nodes": list(nodes), "hosts": list(hosts)}))
 
 
 def _well(result: Object) -> Object:

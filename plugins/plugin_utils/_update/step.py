@@ -245,6 +245,10 @@ def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
 
 
+def addresses(pods: Iterable[Object]) -> list[str]:
+    return [address for pod in pods if (address := (pod.get("status") or {}).get("podIP"))]
+
+
 def at_work(graph: Graph, rest: Iterable[Object]) -> bool:
     """Whether any of these actions was busy, or told nothing, when the graph was recorded."""
     found = [graph.actions.get(one["name"]) for one in rest]

@@ -671,7 +671,7 @@ class SimulatedHost:
                 if known and not sim.registered_whole(process):
                     sim.register(process)
 
-    def reap(self, master: str, nodes: Sequence[str]) -> None:
+    def reap(self, master: str, nodes: Sequence[str], hosts: Sequence[str]) -> None:  # noqa: ARG002 - it knows the dead
         sim = self.sim
         with sim.call("reap", 0.7):
             assert master

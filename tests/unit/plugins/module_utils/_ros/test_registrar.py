@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import registrar
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar, reap, register
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
@@ -98,8 +100,8 @@ class World:
         found: bool = register({"master_uri": "http://m:1", "graph": graph, "nodes": nodes})["changed"]
         return found
 
-    def reap(self, *nodes: str) -> bool:
-        found: bool = reap({"master_uri": "http://m:1", "nodes": nodes})["changed"]
+    def reap(self, *nodes: str, hosts: Sequence[str] = ()) -> bool:
+        found: bool = reap({"master_uri": "http://m:1", "nodes": nodes, "hosts": hosts})["changed"]
         return found
 
 
@@ -136,6 +138,13 @@ def test_what_the_dead_left_is_taken_away(
     world.there, world.answers = {"/n": PART}, {"/n": answers}
     assert world.reap(*nodes) is bool(removed)
     assert world.done == [("unregisterPublisher", "/n", "/a")] * removed
+
+
+def test_nobody_is_asked_where_a_pod_was(world: World) -> None:
+    """The kernel of who has just talked with it would not know for most of a minute that its address is no more."""
+    world.there, world.answers = {"/n": PART}, {"/n": []}
+    assert world.reap("/n", hosts=[host_of(PART.uri)])
+    assert world.done == [("unregisterPublisher", "/n", "/a")]
 
 
 def test_the_name_of_a_revision_means_the_nodes_of_its_pods(world: World) -> None:

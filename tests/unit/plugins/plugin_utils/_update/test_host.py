@@ -54,7 +54,7 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
         lambda: asked.graph(MASTER, 1.0),
         lambda: asked.release(KEEPER, REST),
         lambda: asked.register(MASTER, Graph()),
-        lambda: asked.reap(MASTER, ["/a"]),
+        lambda: asked.reap(MASTER, ["/a"], ()),
     ):
         with pytest.raises(RosError, match=message):
             ask()
@@ -94,11 +94,11 @@ def test_registrations_are_given_and_taken() -> None:
     jobs = Jobs()
     host(jobs).register(MASTER, Graph(), ["/a"])
     host(jobs).register(MASTER, Graph())
-    host(jobs).reap(MASTER, ["/b"])
+    host(jobs).reap(MASTER, ["/b"], ["10.42.0.7"])
     assert jobs.ran == [
         job("register", master_uri=MASTER, graph=graph_data(Graph()), nodes=["/a"]),
         job("register", master_uri=MASTER, graph=graph_data(Graph()), nodes=[]),
-        job("reap", master_uri=MASTER, nodes=["/b"]),
+        job("reap", master_uri=MASTER, nodes=["/b"], hosts=["10.42.0.7"]),
     ]
 
 
@@ -128,12 +128,6 @@ def test_the_keeper_is_asked_and_the_host_where_the_keeper_does_not_answer(away:
     assert asked.ready(MASTER, {}, 1.0).verdict == ("wait" if away else "pass")
     assert (bool(reached), len(keeper.ran), len(on_host.ran), door.asked) == (bool(away), not away, bool(away), 2)
     assert told == ([f"ready on its host: {away}"] if away else [])
-
-
-def test_what_dead_pods_left_is_looked_for_on_the_host() -> None:
-    keeper, on_host = Jobs(), Jobs()
-    RobotSide(lambda: None, on_host.run, lambda _images: None).by(KeeperOf(keeper), print).reap(MASTER, ["/b"])
-    assert (keeper.ran, on_host.ran) == ([], [job("reap", master_uri=MASTER, nodes=["/b"])])
 
 
 def test_what_the_keeper_says_went_wrong_is_not_asked_of_the_host() -> None:
