@@ -27,7 +27,7 @@ from .._step.objects import Object, holder_of, name_of, node_of, revision_of, su
 from .._step.record import answer, soaks
 from .._step.rest import MARGIN, actions_to_rest, nodes_below, own_nodes
 from .._step.windows import Windows
-from .._step.words import FLEET, JOBS_PATH, OWNER, PATH, REST, REST_KEY
+from .._step.words import FLEET, JOBS_PATH, LASTING, OWNER, PATH, REST, REST_KEY
 from .cluster_api import read_records
 from .holds import Holds
 
@@ -35,7 +35,6 @@ INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
 JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn,
 LONGEST = 900.0  # and does not take longer than so many, whoever asks
-LASTING = ("timeout", "rate_seconds")
 CHANGING = ("register", "reap", "release")  # jobs; one that holds goals says so by the address of a keeper
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
 

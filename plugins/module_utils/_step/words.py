@@ -33,6 +33,7 @@ KEEPER = "ros-keeper"
 KEEPER_PORT = 11411
 PATH = "/v1/"  # of its door
 JOBS_PATH = f"{PATH}jobs/"
+LASTING = ("timeout", "rate_seconds")  # arguments that say how long a job there takes
 # a run's, or the keeper's, while it changes the robot
 LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed

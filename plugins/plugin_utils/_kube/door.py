@@ -9,13 +9,12 @@ import time
 from collections.abc import Callable
 
 from ...module_utils._step.objects import Object
-from ...module_utils._step.words import JOBS_PATH, KEEPER, KEEPER_PORT
+from ...module_utils._step.words import JOBS_PATH, KEEPER, KEEPER_PORT, LASTING
 from .access import BROKEN
 from .connection import JSON, ApiConnection, ApiError
 
 ANSWER = 20.0  # seconds for an answer, beside those that the job itself may take
 SHUT = 30.0  # seconds for which a door that did not answer is not asked again
-LASTING = ("timeout", "rate_seconds")  # arguments that say how long a job takes
 
 
 class KeeperDoor:
