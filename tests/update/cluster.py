@@ -17,7 +17,7 @@ from kubernetes.stream import stream
 from runs import CHECKOUT, wait_until
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
-APP, UPDATING = "rosops.fleet/app", "rosops.fleet/updating"
+APP, UPDATING, SOAKING = "rosops.fleet/app", "rosops.fleet/updating", "rosops.fleet/soaking"
 GATE = "rosops.fleet/ready"
 MASTER, KEEPER, CODE = "ros-master", "ros-keeper", "rosops-code"
 # Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
@@ -106,6 +106,11 @@ class Cluster:
         """The version of what an update keeps of an app's earlier versions; empty before its first update."""
         found = there(lambda: self._core.read_namespaced_config_map(f"{app}-update", f"robot-{robot}"))
         return str(found.metadata.resource_version) if found else ""
+
+    def on_trial(self, robot: str) -> set[str]:
+        """Apps that a run or a soak has marked: the keeper writes to them when their time is over."""
+        found = self._apps.list_namespaced_deployment(f"robot-{robot}", _request_timeout=20).items
+        return {item.metadata.name for item in found if {UPDATING, SOAKING} & {*item.metadata.annotations}}
 
     def versions(self, robots: list[str]) -> dict[str, str]:
         """The version of each Deployment's specification and of each ConfigMap of these robots."""

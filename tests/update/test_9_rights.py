@@ -210,11 +210,6 @@ def notes() -> dict[str, dict[str, str]]:
     return {item.metadata.name: item.metadata.annotations for item in found}
 
 
-def at_rest() -> list[str]:
-    """Apps that no run has marked: of the others some may soak from the test before."""
-    return [app for app, there in notes().items() if not {MARK, UPDATING} & {*there}]
-
-
 @pytest.mark.promise("whoever has a keeper's token can do a keeper's work with it, and nothing else")
 def test_a_keeper_s_token_is_good_for_its_work_alone(fleet: Fleet) -> None:
     known = client.Configuration.get_default_copy()
@@ -224,7 +219,9 @@ def test_a_keeper_s_token_is_good_for_its_work_alone(fleet: Fleet) -> None:
         assert faults(keeper, [*of_roles(pod), *of_pods(pod, gated)]) == []
         status = f"{CORE}/namespaces/{NAMESPACE}/pods/{gated}/status"
         keeper.does("PATCH", status, {"status": {"conditions": [condition()]}}, STRATEGIC)
-    (app, *_others) = wait_until(at_rest, bool, 180, "an app that no longer soaks", pause=5)
+    (app, *_others) = wait_until(
+        lambda: {*notes()} - fleet.cluster.on_trial("robot1"), bool, 180, "an app that no longer soaks", pause=5
+    )
     assert faults(keeper, of_rest(app)) == []
     fleet.update(fleet.new_version("robot1", APP), *LIMIT, update_soak=SOAK).must(0, robot1="updated")
     assert faults(keeper, [*of_objects(), *of_marked()]) == []
