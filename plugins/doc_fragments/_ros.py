@@ -128,8 +128,8 @@ options:
   namespace: {description: Namespace that relative names in the other options stand in., type: str, default: /}
   values:
     description:
-      - What messages must say. They are read from the publishers themselves, without being registered with the master,
-        so nobody's list of subscribers changes.
+      - What messages must say, or that a URL answers with 2xx. Messages are read from the publishers themselves,
+        without being registered with the master, so nobody's list of subscribers changes.
       - Each item says one thing, O(values[].above) or O(values[].below) (or both), O(values[].equals),
         O(values[].quiet) or O(values[].still). A publisher that is up and cannot be heard may say anything, and is
         waited for.
@@ -137,7 +137,14 @@ options:
     elements: dict
     default: []
     suboptions:
-      topic: {description: Name of the topic., type: str, required: true}
+      topic: {description: Name of the topic; it or O(values[].url) is needed., type: str}
+      url:
+        description:
+          - C(http) or C(https), asked by GET in place of a topic. It has to answer with 2xx; any other status, and no
+            answer, is waited for, with the beginning of what was said as the reason.
+          - In an update the robot's keeper asks, from a pod, or its host by SSH where the keeper is away. A name has
+            to be known there; an address serves both.
+        type: str
       field:
         description:
           - A field of its messages, such as V(percentage), V(pose.position.x) or V(status[0].level).

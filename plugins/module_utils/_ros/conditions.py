@@ -47,11 +47,11 @@ GATE_ARGS: dict[str, Data] = {
     "namespace": {"type": "str", "default": "/"},
 }  # fmt: skip
 
-# what messages must say, for whoever waits for that
+# what messages and HTTP servers must say, for whoever waits for that
 VALUE_ARGS: dict[str, Data] = {
     "values": _each(
-        topic=_WANTED, field={"type": "str", "default": ""}, above=_NUMBER, below=_NUMBER, equals={"type": "raw"},
-        quiet=_NUMBER, still=_NUMBER, tolerance={"type": "float", "default": 0.0},
+        topic=_WORD, url=_WORD, field={"type": "str", "default": ""}, above=_NUMBER, below=_NUMBER,
+        equals={"type": "raw"}, quiet=_NUMBER, still=_NUMBER, tolerance={"type": "float", "default": 0.0},
     ),
 }  # fmt: skip
 SPANS = ("quiet", "still")
@@ -69,6 +69,7 @@ _LEAST = {
 _Read = TypeVar("_Read")
 _NAME = re.compile(r"^(/\w+|[A-Za-z_]\w*)(/\w+)*\Z", re.ASCII)
 _TYPE = re.compile(r"^[A-Za-z]\w*/[A-Za-z]\w*\Z", re.ASCII)
+_URL = re.compile(r"^https?://[\w.:\[\]-]+(/[!-~]*)?\Z", re.ASCII)
 _FIELD = re.compile(r"^[A-Za-z]\w*(\[\d+\])?(\.[A-Za-z]\w*(\[\d+\])?)*\Z", re.ASCII)
 
 
@@ -113,13 +114,15 @@ class EdgeCondition:
 
 @dataclass(frozen=True)
 class ValueCondition:
-    """What a topic's messages must say: a field `above`, `below` or `equals` something in the last one; or for seconds
+    """What a topic's messages must say, or that a `url` answers with 2xx.
+
+    Of a topic: a field `above`, `below` or `equals` something in the last one; or for seconds
     that nothing came but zeros (`quiet`), or that something came, and nothing but zeros (`still`).
 
     Zeros are numbers up to `tolerance`, of the field or without one of the whole message but its header.
     """
 
-    topic: str
+    topic: str = ""
     field: str = ""
     above: float | None = None
     below: float | None = None
@@ -127,6 +130,7 @@ class ValueCondition:
     quiet: float | None = None
     still: float | None = None
     tolerance: float = 0.0
+    url: str = ""
 
     @property
     def bounds(self) -> str:
@@ -141,7 +145,7 @@ class ValueCondition:
 
     def __str__(self) -> str:
         seconds = [f"{word} for {time:g} s" for word, time in (("quiet", self.quiet), ("still", self.still)) if time]
-        return " ".join(filter(None, (self.topic, self.field, *seconds, self.bounds)))
+        return self.url or " ".join(filter(None, (self.topic, self.field, *seconds, self.bounds)))
 
 
 @dataclass(frozen=True)
@@ -245,6 +249,16 @@ class _Reader:
         return EdgeCondition(**names, peer=item.get("peer") or "")
 
     def value(self, path: str, item: Document) -> ValueCondition:
+        if item.get("url"):
+            if not _URL.match(item["url"]):
+                self.errors.append(f"{path}.url: {item['url']!r} is not http://<host>[:<port>][/<path>], or https")
+            beside = [key for key in ("topic", "field", *VALUE_KEYS) if item.get(key) not in (None, "")]
+            if beside:
+                self.errors.append(f"{path}.url: is beside {', '.join(beside)}, and has to answer with 2xx alone")
+            return ValueCondition(url=item["url"])
+        if not item.get("topic"):
+            self.errors.append(f"{path}: has neither topic nor url")
+            return ValueCondition()
         given = {key: item[key] for key in VALUE_KEYS if item.get(key) is not None}
         spans, bounds = [key for key in given if key in SPANS], [key for key in given if key not in SPANS]
         if len(spans) + bool(bounds) != 1 or ("equals" in bounds and len(bounds) > 1):

@@ -1,23 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hear the messages of topics without being registered, from look to look; `messages` says what they mean."""
+"""Hear the messages of topics without being registered, from look to look; `messages` says what they mean.
+
+And ask the HTTP servers that conditions name.
+"""
 
 from __future__ import annotations
 
+import http.client
 import threading
 import time
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Mapping, Sequence
+from urllib.parse import urlsplit
 
 from .._common.documents import Data
-from .._common.errors import RosError
+from .._common.errors import RosError, printable
+from .._common.poll import PASS, WAIT
 from .checks import Check
 from .conditions import ValueCondition
 from .graph import Graph, names_of
 from .messages import Definition, Heard, check_value
-from .rpc import Master
+from .rpc import Master, in_parallel
 from .streams import Source, Streams
 
 TICK = 0.01
+SAID = 200  # bytes of an answer that are told
 
 
 class Listener:
@@ -25,7 +32,8 @@ class Listener:
 
     def __init__(self, ros: Master, conditions: Sequence[ValueCondition]) -> None:
         self._ros = ros
-        self._heard = [Heard(condition, time.monotonic()) for condition in conditions]
+        self._heard = [Heard(condition, time.monotonic()) for condition in conditions if not condition.url]
+        self._urls = [condition.url for condition in conditions if condition.url]
         self._streams = Streams(ros.caller, ros.timeout, self._took, self._left)
         self._definition = lru_cache(maxsize=None)(Definition)
         self._lock = threading.Lock()
@@ -40,7 +48,17 @@ class Listener:
             one.unheard = {key[1]: why for key, why in unheard.items() if key[0] == one.condition.topic}
         self._await_values()
         with self._lock:
-            return [check_value(graph, one, time.monotonic()) for one in self._heard]
+            found = [check_value(graph, one, time.monotonic()) for one in self._heard]
+        return [*found, *self._answers()]
+
+    def _answers(self) -> list[Check]:
+        seconds = self._ros.timeout
+        asked = in_parallel(
+            {url: partial(answer, url, seconds) for url in self._urls},
+            seconds,
+            lambda url, error: Check("value", url, WAIT, f"it cannot be asked: {error or type(error).__name__}"),
+        )
+        return [asked[url] for url in self._urls]
 
     def close(self) -> None:
         self._streams.keep(())
@@ -71,3 +89,18 @@ class Listener:
         end = time.monotonic() + self._ros.timeout
         while any(one.came is None for one in asked) and time.monotonic() < end:
             time.sleep(TICK)
+
+
+def answer(url: str, seconds: float) -> Check:
+    """Whether the server at this URL answers GET with 2xx; OSError or HTTPException where nobody does."""
+    parts = urlsplit(url)
+    kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
+    connection = kind(parts.netloc, timeout=seconds)
+    try:
+        connection.request("GET", f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}")
+        reply = connection.getresponse()
+        said = printable(reply.read1(SAID).decode("utf-8", "replace")).strip().partition("\n")[0]
+    finally:
+        connection.close()
+    verdict = PASS if 200 <= reply.status < 300 else WAIT
+    return Check("value", url, verdict, f"answers {reply.status}{': ' + said if said else ''}")

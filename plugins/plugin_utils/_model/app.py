@@ -61,7 +61,8 @@ class Condition(TypedDict, total=False):
     """What messages must say. Its keys are documented with the module ros_ready, and what else of them has to be true
     is judged by its code (_validate/app.py, when_problems)."""
 
-    topic: Required[GraphName]
+    topic: GraphName
+    url: Filled
     field: Filled
     equals: Scalar
     above: float
@@ -276,7 +277,7 @@ class UpdateSettings:
     on_busy: Literal["wait", "defer", "force"] | None = None
     """What to do when they are not, instead of what the run says."""
     when: When = ()
-    """What messages must say before it is updated, besides C(update_when) of the role C(update). Items are as the
+    """What messages, or HTTP servers, must say before it is updated, besides C(update_when) of the role C(update). Items are as the
     option C(values) of the module M(rosops.fleet.ros_ready) takes them. A relative topic stands in the app's ROS
     namespace.
 

@@ -176,10 +176,11 @@ def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
 
 
 def wanted_before(robot: Robot, apps: Iterable[App] = ()) -> list[dict[str, Any]]:
-    """What messages must say before these apps are changed, or anything of the robot; with full names."""
+    """What has to be said before these apps are changed, or anything of the robot; topics with their full names."""
     said = [(item, own_space(robot)) for item in robot.when]
     said += [(item, graph_namespace(app, robot)) for app in apps for item in app.update.when]
-    return [{**item, "topic": resolve(item["topic"], space, "")} for item, space in said]
+    named: list[tuple[dict[str, Any], str]] = [({**item}, space) for item, space in said]
+    return [{**item, "topic": resolve(item["topic"], space, "")} if "topic" in item else item for item, space in named]
 
 
 def _settled(app: App, said: Variables, robot: Robot) -> App:

@@ -251,7 +251,8 @@ class Rest:
         In check mode nobody has waited: what would be waited for is no reason against the change.
         """
         hands, whose = self._hands, f"{who}: " if who else ""
-        silent = {one["topic"] for one in calm.when if not hands.graph.topic(one["topic"]).publishers}
+        topics = {one["topic"] for one in calm.when if "topic" in one}
+        silent = {topic for topic in topics if not hands.graph.topic(topic).publishers}
         owners = {topic: app.name for topic, app, _said in promised(hands.robot) if topic in silent} if silent else {}
         for topic, app in owners.items():  # it may be down, and come up with this very run
             hands.say(f"{change}: {topic} is app {app}'s, which publishes nothing; {UNASKED}")

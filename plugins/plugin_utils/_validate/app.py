@@ -16,6 +16,7 @@ from ...module_utils._ros.conditions import conditions_from
 from ...module_utils._ros.names import resolve
 from .._model import context, names
 from .._model.app import STOP_MARGIN, App
+from .._model.context import Robot
 from .._model.finding import Problem, each, join_path, taken, twice
 from .._model.formats import FORMS, moving_tag, quantity_value
 from .._objects.app import plain_deployment
@@ -36,7 +37,7 @@ _NAME_READERS = re.compile(r"\$\{?(?:@|\*|0|1|" + names.NODE_NAME_ENV + r")")
 # keys of an app that a robot without ROS has no use for
 OF_ROS = ("launch", "params", "keep_params", "private_names", "node_name", "pattern", "on_demand")
 OF_READINESS = ("nodes", "topics", "services", "actions", "absent")
-OF_UPDATES = ("when", "idle", "ignore", "renamed", "rates")
+OF_UPDATES = ("idle", "ignore", "renamed", "rates")
 _GRACE = ("spec", "template", "spec", "terminationGracePeriodSeconds")
 
 
@@ -47,7 +48,7 @@ def app_problems(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
         _mounts, _readiness,
     ):  # fmt: skip
         yield from check(app, raw, draft)
-    yield from when_problems(app.update.when, "update.when")
+    yield from when_problems(app.update.when, "update.when", draft.robot)
     plain = plain_deployment(app, draft.robot)
     yield from override_problems(plain, app.overrides, names.APP_CONTAINER, "overrides")
 
@@ -65,11 +66,14 @@ def app_warnings(app: App, raw: Said) -> Iterator[Problem]:
         yield Problem("private_names", f"has no effect with the handoff {app.handoff}")
 
 
-def when_problems(items: Sequence[Said], path: str) -> Iterator[Problem]:
-    """Problems of what messages must say before an update, as the module on the robot will find them.
+def when_problems(items: Sequence[Said], path: str, robot: Robot) -> Iterator[Problem]:
+    """Problems of what has to be said before an update, as the module on the robot will find them.
 
     The items passed the schema; `path` is where their list is.
     """
+    for where, item in each(path, items, ".topic"):
+        if robot.master.mode == "none" and "topic" in item:
+            yield Problem(where, "is about ROS, and ros_master_mode is none", "url")
     try:
         conditions_from({"values": items})
     except SpecError as error:

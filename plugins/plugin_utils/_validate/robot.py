@@ -39,7 +39,7 @@ def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
     yield from _volume_names(draft)
     yield from _volume_users(draft, len(members(there.groups, "edge")))
     yield from _dependencies(draft)
-    yield from when_problems(draft.robot.when, f"{draft.path}.update_when")
+    yield from when_problems(draft.robot.when, f"{draft.path}.update_when", draft.robot)
     yield from _master(draft, bool(there.variable(draft.robot.name, "ros_master_uri")))
 
 
@@ -159,7 +159,7 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
     # what the robot is asked before a change, and its own app has to answer
     publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
     for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
-        if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
+        if publisher := "topic" in item and publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
             yield Problem(
                 where,
                 f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import struct
+import threading
 from collections.abc import Iterable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import pytest
@@ -132,3 +134,49 @@ def test_a_definition_that_is_none_is_said(stage: Stage) -> None:
     node.publish("/battery", struct.pack("<f", 1.0))
     until(lambda: stage.seen(listener)[0][0] == FAIL)
     assert stage.seen(listener)[0][1] == "the definition of demo/Battery does not say what demo/Percentage is"
+
+
+ANSWERS = {"/may": (204, b""), "/idle?of=arm": (200, b"at rest\nand more"), "/dock": (503, b"it is \x1bdocking")}
+
+
+class Answers(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        if self.path == "/hangs":
+            self.server.hung.wait(30)  # type: ignore[attr-defined]
+        status, body = ANSWERS.get(self.path, (404, b""))
+        self.send_response(status)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_arguments: Any) -> None:
+        """Nobody reads it."""
+
+
+@pytest.fixture
+def url() -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Answers)
+    server.hung = threading.Event()  # type: ignore[attr-defined]
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.hung.set()  # type: ignore[attr-defined]
+    server.shutdown()
+    server.server_close()
+
+
+def test_a_server_says_by_its_status_whether_it_may_be(stage: Stage, url: str) -> None:
+    wanted = {
+        "/may": (PASS, "answers 204"),
+        "/idle?of=arm": (PASS, "answers 200: at rest"),
+        "/dock": (WAIT, "answers 503: it is \\x1bdocking"),
+        "/away": (WAIT, "answers 404"),
+    }
+    listener = stage.listener(FULL, *(ValueCondition(url=url + path) for path in wanted))
+    assert stage.seen(listener) == [(WAIT, "nobody publishes it"), *wanted.values()]
+
+
+def test_a_server_that_does_not_answer_is_waited_for(stage: Stage, url: str) -> None:
+    listener = stage.listener(ValueCondition(url=f"{url}/hangs"), ValueCondition(url="http://127.0.0.1:1/"))
+    seen = stage.seen(listener)
+    assert [verdict for verdict, _reason in seen] == [WAIT, WAIT]
+    assert all(reason.startswith("it cannot be asked: ") for _verdict, reason in seen), seen
+    assert "refused" in seen[1][1]
