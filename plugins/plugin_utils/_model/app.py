@@ -277,9 +277,9 @@ class UpdateSettings:
     on_busy: Literal["wait", "defer", "force"] | None = None
     """What to do when they are not, instead of what the run says."""
     when: When = ()
-    """What messages, or HTTP servers, must say before it is updated, besides C(update_when) of the role C(update). Items are as the
-    option C(values) of the module M(rosops.fleet.ros_ready) takes them. A relative topic stands in the app's ROS
-    namespace.
+    """What messages, or HTTP servers, must say before it is updated, besides C(update_when) of the role C(update).
+    Items are as the option C(values) of the module M(rosops.fleet.ros_ready) takes them. A relative topic stands in the
+    app's ROS namespace.
 
     What they do not say is waited for, deferred or forced like a busy action."""
     ignore: tuple[GraphPattern, ...] = ()
