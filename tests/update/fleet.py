@@ -19,6 +19,7 @@ from runs import CHECKOUT, Playbooks, Run, Running, wait_until
 ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
 ROBOTS = ["robot1", "robot2"]  # of the scenario; a lab made by hand may have more
 ALL_AT_ONCE: dict[str, Any] = {"update_waves": ["100%"]}
+LEAST = 3.0  # seconds that an account has to tell of: subscribers write theirs once in a second
 LIMIT = ("--limit", "robot1,edge1")  # of a run for one robot
 
 Variables = dict[str, Any]
@@ -146,7 +147,7 @@ class Watch:
 
     def losses(self, *robots: str, goals: bool = True, patience: float = 60, within: str = "") -> dict[str, Losses]:
         """Robot by robot, up to now; the figures are shown at the end of the tests. `within`: see Hosts.logs."""
-        until = time.time()
+        until = max(time.time(), self._since + LEAST)
         found = {}
         for robot in robots or self._fleet.robots:
             found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals, patience, within)
