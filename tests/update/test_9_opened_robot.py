@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot that somebody opened: root on robot1 tries all that it has. It reaches nothing but itself."""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+import pytest
+from cluster import KEEPER
+from fleet import Fleet
+from kubernetes import client
+
+THIEF, VICTIM, EDGE = "robot1", "robot2", "edge1"
+KUBECTL = "k3s kubectl --kubeconfig /var/lib/rancher/k3s/agent/kubelet.kubeconfig"
+CA = "/var/lib/rancher/k3s/agent/server-ca.crt"
+LOCK = f"-n robot-{VICTIM}"
+SECONDS = 3.0  # for an answer; who is admitted has it at once
+
+CONNECT = """
+import concurrent.futures, json, socket, sys
+def opens(address):
+    try:
+        socket.create_connection(tuple(address), SECONDS).close()
+        return True
+    except OSError:
+        return False
+addresses = json.loads(sys.argv[1])
+with concurrent.futures.ThreadPoolExecutor(64) as pool:
+    print(json.dumps([address for address, found in zip(addresses, pool.map(opens, addresses)) if found]))
+""".replace("SECONDS", str(SECONDS))
+
+MIRROR = json.dumps({
+    "apiVersion": "v1",
+    "kind": "Pod",
+    "metadata": {
+        "name": f"master-{THIEF}",
+        "namespace": f"robot-{VICTIM}",
+        "labels": {"rosops.fleet/app": "ros-master"},
+        "annotations": {"kubernetes.io/config.mirror": "x"},
+        "ownerReferences": [{"apiVersion": "v1", "kind": "Node", "name": THIEF, "uid": "UID", "controller": True}],
+    },
+    "spec": {"nodeName": THIEF, "containers": [{"name": "master", "image": "docker.io/lab/apps:1.0"}]},
+})  # fmt: skip
+
+# what a kubelet's certificate is tried for -> whose words refuse it
+OF_KUBELET = {
+    f"label node {THIEF} --overwrite node-restriction.kubernetes.io/rosops-placement=remote": "is not allowed to modify",
+    f"label node {THIEF} --overwrite node-restriction.kubernetes.io/rosops-robot={VICTIM}": "is not allowed to modify",
+    f"label node {VICTIM} --overwrite mine=yes": "is not allowed to modify node",
+    f"label node {EDGE} --overwrite mine=yes": "is not allowed to modify node",
+    f"delete node {VICTIM}": "forbidden",
+    "get secrets -A": "forbidden",
+    f"get secrets {LOCK}": "forbidden",
+    f"get configmaps {LOCK}": "forbidden",
+    f"get configmap rosops-code {LOCK}": "no relationship found",
+    f"get lease robot-update {LOCK}": "forbidden",
+    f"create token ros-keeper {LOCK}": "not bound to",
+    "create token default -n kube-system": "not bound to",
+    f"delete pod {LOCK} -l rosops.fleet/app=ros-master": "forbidden",
+    f"patch deployment temperature {LOCK} -p '{{}}'": "forbidden",
+    f"create deployment mine -n robot-{THIEF} --image=mine": "forbidden",
+    "get clusterrolebindings": "forbidden",
+    f"create -f - <<< {shlex.quote(MIRROR)}": "a node makes no pods here",
+}
+# the same for the token of its keeper
+OF_KEEPER = {
+    f"patch deployment temperature {LOCK} -p '{{}}'": "forbidden",
+    f"get pods {LOCK}": "forbidden",
+    f"get lease robot-update {LOCK}": "forbidden",
+    f"get secrets -n robot-{THIEF}": "forbidden",
+    f"create deployment mine -n robot-{THIEF} --image=mine": "forbidden",
+    f"exec -n robot-{THIEF} deployment/temperature -- id": "forbidden",
+    f"create token ros-keeper -n robot-{THIEF}": "forbidden",
+    f"set image deployment/temperature *=mine -n robot-{THIEF}": "denied",
+    "get nodes": "forbidden",
+}
+
+
+def listening(fleet: Fleet, robot: str) -> list[list[object]]:
+    """Addresses at which a robot's pods are reached: each port on which they listen, and the Services."""
+    core, namespace, found = client.CoreV1Api(), f"robot-{robot}", list[list[object]]()
+    for pod in core.list_namespaced_pod(namespace, _request_timeout=20).items:
+        (process, *_others) = fleet.hosts.processes(pod.spec.node_name, pod.metadata.uid)
+        said = fleet.hosts.ssh(pod.spec.node_name, f"nsenter -t {process} -n ss -Hltn")
+        ports = {int(line.split()[3].rsplit(":", 1)[1]) for line in said.splitlines() if "127.0.0.1:" not in line}
+        found += [[pod.status.pod_ip, port] for port in sorted(ports)]
+    for service in core.list_namespaced_service(namespace, _request_timeout=20).items:
+        found += [[service.spec.cluster_ip, port.port] for port in service.spec.ports or ()]
+    return [one for one in found if one[0] != "None"]
+
+
+def opened(fleet: Fleet, host: str, addresses: list[list[object]], app: str = "") -> list[list[object]]:
+    """Those that somebody reaches from the host, or from a pod of an app on it."""
+    inside = ""
+    if app:
+        (pod,) = fleet.pods()[host][app]
+        inside = f"nsenter -t {fleet.hosts.processes(host, pod.uid)[0]} -n "
+    words = f"{inside}python3 -c {shlex.quote(CONNECT)} {shlex.quote(json.dumps(addresses))}"
+    found: list[list[object]] = json.loads(fleet.hosts.ssh(host, words))
+    return found
+
+
+@pytest.mark.promise("root on a robot reaches no pod of another robot, from a pod or from its host")
+def test_the_network_of_another_robot(fleet: Fleet) -> None:
+    others, own = listening(fleet, VICTIM), listening(fleet, THIEF)
+    assert len(others) > 10, others
+    assert opened(fleet, VICTIM, others, "temperature") == others  # all of them are there
+    assert opened(fleet, THIEF, own, "temperature") == own
+    assert opened(fleet, THIEF, others, "temperature") == []
+    assert opened(fleet, THIEF, others) == []
+    fleet.figures.append(f"{2 * len(others)} ways to {VICTIM}'s pods from {THIEF}: none open")
+
+
+@pytest.mark.promise("what lies on a robot's disk is good for that robot alone")
+def test_the_certificate_and_the_token_on_its_disk(fleet: Fleet) -> None:
+    server = fleet.hosts.ssh(THIEF, f"{KUBECTL} config view -o jsonpath='{{.clusters[0].cluster.server}}'").strip()
+    (keeper,) = fleet.pods()[THIEF][KEEPER]
+    (token,) = fleet.hosts.ssh(THIEF, f"find /var/lib/kubelet/pods/{keeper.uid} -name token -type l").split()
+    by_token = f"k3s kubectl --server {server} --certificate-authority {CA} --token $(cat {token})"
+    wrong = {}
+    for kubectl, tried in ((KUBECTL, OF_KUBELET), (by_token, OF_KEEPER)):
+        uid = fleet.hosts.ssh(THIEF, f"{KUBECTL} get node {THIEF} -o jsonpath='{{.metadata.uid}}'")
+        for what, words in tried.items():
+            line = f"{kubectl} {what}".replace("UID", uid)
+            said = fleet.hosts.ssh(THIEF, f"bash -c {shlex.quote(line)} 2>&1; echo exit $?")
+            if words not in said or said.rstrip().endswith("exit 0"):
+                wrong[what] = said
+    assert wrong == {}
