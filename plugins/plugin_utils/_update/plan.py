@@ -107,6 +107,22 @@ class Request:
     remove: Sequence[str] = ()
 
 
+def placed(robot: Robot, live: Live, unlabelled: bool) -> Robot:
+    """The robot with the labels by which its pods are placed: the old ones where nodes have no others (`unlabelled`).
+
+    What would be another version by these labels alone, keeps its own until it changes anyway.
+    """
+    every = (*NAMES, *(app.name for app in robot.apps))
+    usual, others = (every, ()) if unlabelled else ((), every)
+    there = {*map(hash_of, live.deployments)}
+    stays = {app: others for app, made in rendered(replace(robot, old_labels=others)).items() if there & _hashes(made)}
+    return replace(robot, old_labels=tuple(app for app in every if app in stays.get(app, usual)))
+
+
+def _hashes(objects: Sequence[Object]) -> set[str]:
+    return {*map(hash_of, deployments_of(objects))}
+
+
 def rendered(robot: Robot) -> Desired:
     """What the robot is to run, and its Services."""
     found: dict[str, list[Object]] = {}

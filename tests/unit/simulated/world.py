@@ -493,6 +493,9 @@ class SimulatedCluster:
         self.sim, self.claimed = sim, False
         self.earlier: dict[int, int] = {}  # by pod, restarts that are not this run's
 
+    def unlabelled(self, _robot: Robot) -> bool:
+        return False
+
     def door(self, _robot: Robot) -> None:
         """The simulated host answers for the keeper, too."""
 
