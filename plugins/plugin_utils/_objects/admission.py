@@ -232,28 +232,22 @@ def policy(
 
     `asked` is group/resource -> the operations that it judges, `where` and `variables` are name -> CEL.
     """
-    kinds = [(*kind.split("/", 1), operations) for kind, operations in asked.items()]
     rules = [
         {"apiGroups": [group], "apiVersions": ["v1"], "operations": [*operations], "resources": [kind]}
-        for group, kind, operations in kinds
+        for (group, _slash, kind), operations in ((one.partition("/"), found) for one, found in asked.items())
     ]
+    named = {"matchConditions": where, "variables": variables}
     spec = {
         "failurePolicy": "Fail",
         "matchConstraints": {"resourceRules": rules},
-        "matchConditions": _named(where),
-        "variables": _named(variables),
+        **{kind: [{"name": key, "expression": text} for key, text in found.items()] for kind, found in named.items()},
         "validations": [*validations],
     }
-    force = {"policyName": name, "validationActions": ["Deny"]}
-    labels = owner_labels(None)
+    force, labels = {"policyName": name, "validationActions": ["Deny"]}, owner_labels(None)
     return [
         made(API, "ValidatingAdmissionPolicy", name, labels=labels, spec=spec),
         made(API, "ValidatingAdmissionPolicyBinding", name, labels=labels, spec=force),
     ]
-
-
-def _named(expressions: Mapping[str, str]) -> list[Object]:
-    return [{"name": name, "expression": text} for name, text in expressions.items()]
 
 
 def _validation(kind: str, words: str, rule: str) -> Object:

@@ -63,14 +63,8 @@ OWN = f"on its robot's own node (nodeSelector {names.NODE_ROBOT}: NAME, in the n
 
 def pod_policy() -> list[Object]:
     """What bounds pods in the namespaces of robots and in the fleet's, whoever makes them."""
-    validations = [
-        {
-            "expression": f"variables.free || ({rule})",
-            "message": f"only a pod {OWN} may {what}; {OPENED}",
-            "reason": "Forbidden",
-        }
-        for what, rule in RULES.items()
-    ]
+    told = [(f"variables.free || ({rule})", f"only a pod {OWN} may {what}; {OPENED}") for what, rule in RULES.items()]
+    validations = [{"expression": rule, "message": words, "reason": "Forbidden"} for rule, words in told]
     return policy(NAME, ASKED, {"robots": WHERE}, VARIABLES, validations)
 
 
@@ -79,12 +73,10 @@ def of_other_host(pod: Object, namespace: str) -> list[str]:
     chosen = pod.get("nodeSelector") or {}
     if any(names.robot_namespace(chosen.get(label, "")) == namespace for label in CHOOSES["local"]):
         return []
-    mounts = [one for each in pod["containers"] for one in each.get("volumeMounts") or () if not one.get("readOnly")]
-    written = {one["name"] for one in mounts}
-    volumes = [
-        one
-        for one in pod.get("volumes") or ()
-        if one["name"] in written or (one.get("hostPath") or {}).get("path") != STORAGE
-    ]
-    found = refused({**pod, "volumes": volumes}, "baseline")
+    containers = [*pod["containers"], *(pod.get("initContainers") or ())]
+    mounts = [one for each in containers for one in each.get("volumeMounts") or ()]
+    written, volumes = {one["name"] for one in mounts if not one.get("readOnly")}, pod.get("volumes") or ()
+    free = [one["name"] for one in volumes if (one.get("hostPath") or {}).get("path") == STORAGE]
+    others = [one for one in volumes if one["name"] in written or one["name"] not in free]
+    found = refused({**pod, "volumes": others}, "baseline")
     return [one for one in found if one.startswith((*OF_HOST, "hostPath", "privileged", "capability"))]

@@ -44,11 +44,8 @@ MOVED = (
     "(ros_apps without them, update_remove_apps with their names), then change the mode, then put them back"
 )
 
-UNLABELLED = (
-    "nodes lack the labels that no kubelet can set: new versions are placed by the old ones until the playbook "
-    "rosops.fleet.site, or its tag node, has run"
-)
-
+# where the role node was not there with this version
+UNLABELLED = "nodes have no labels but those of 1.0: new versions are placed by these until rosops.fleet.site has run"
 
 KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}
 SOAK_PAUSE = 5.0  # seconds between two looks at what soaks

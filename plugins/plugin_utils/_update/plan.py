@@ -112,15 +112,10 @@ def placed(robot: Robot, live: Live, unlabelled: bool) -> Robot:
 
     What would be another version by these labels alone, keeps its own until it changes anyway.
     """
-    every = (*NAMES, *(app.name for app in robot.apps))
-    usual, others = (every, ()) if unlabelled else ((), every)
-    there = {*map(hash_of, live.deployments)}
-    stays = {app: others for app, made in rendered(replace(robot, old_labels=others)).items() if there & _hashes(made)}
-    return replace(robot, old_labels=tuple(app for app in every if app in stays.get(app, usual)))
-
-
-def _hashes(objects: Sequence[Object]) -> set[str]:
-    return {*map(hash_of, deployments_of(objects))}
+    every, there = (*NAMES, *(app.name for app in robot.apps)), {*map(hash_of, live.deployments)}
+    others = rendered(replace(robot, old_labels=() if unlabelled else every))
+    stays = {app for app, made in others.items() if there & {*map(hash_of, deployments_of(made))}}
+    return replace(robot, old_labels=tuple(app for app in every if (app in stays) != unlabelled))
 
 
 def rendered(robot: Robot) -> Desired:

@@ -34,7 +34,8 @@ def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
     for path, app, raw in draft.apps:
         found = [problem.below(path) for problem in app_problems(app, raw, draft)]
         yield from found
-        if not found:
+        asks = app.overrides or app.host_network or app.host_paths or app.devices
+        if not found and (asks or draft.robot.pod_security):
             yield from _refused(draft, path, app_deployment(app, draft.robot))
     yield from _namespace(draft)
     yield from _same_names(draft)
@@ -198,7 +199,7 @@ def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
         if master.ours or plain is plain_keeper:
             problems = override_problems(plain(robot), overrides, container, base + key)
             yield from problems
-            if not problems:
+            if not problems and (overrides or robot.pod_security):
                 yield from _refused(draft, base + key, whole(robot)[0])
 
 
