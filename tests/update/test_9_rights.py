@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the token of a robot's keeper is good for: its work, and nothing else.
+"""What the token of a robot's keeper is good for: its work, and nothing else. What a robot's kubelet and pods may.
 
 All that is tried is a dry run, of which the API server decides as of the real thing: its roles, then its policy.
 """
@@ -25,6 +25,9 @@ CORE, APPS, LEASES = "/api/v1", "/apis/apps/v1", "/apis/coordination.k8s.io/v1"
 DEPLOYMENTS = f"{APPS}/namespaces/{NAMESPACE}/deployments"
 DEPLOYMENT = f"{DEPLOYMENTS}/{APP}"
 GATED = "gated"
+CHOOSES_ROBOT, CHOOSES_EDGE = (f"node-restriction.kubernetes.io/rosops-{word}" for word in ("robot", "placement"))
+KUBELET = "/var/lib/rancher/k3s/agent/kubelet.kubeconfig"
+STORAGE = "/var/lib/rancher/k3s/storage"
 MARK, UPDATING, BACK_TO = "rosops.fleet/soaking", "rosops.fleet/updating", "rosops.fleet/back-to"
 MERGE, STRATEGIC, APPLY = (f"application/{kind}" for kind in (
     "merge-patch+json", "strategic-merge-patch+json", "apply-patch+yaml",
@@ -173,7 +176,7 @@ def of_marked() -> list[Try]:
         pod("other code", "projected.sources", {"volumes": [code]}),
         pod("the host's network", "host", {"hostNetwork": True}),
         pod("another account", "account", {"serviceAccountName": "ros-keeper"}),
-        pod("another node", "node", {"nodeSelector": {"rosops.fleet/robot": "robot2"}}),
+        pod("another node", "node", {"nodeSelector": {CHOOSES_ROBOT: "robot2"}}),
         pod("any node", "nodes", {"nodeSelector": None}),
         Try("more of it", f"{BACK}replicas", DEPLOYMENT, {"spec": {"replicas": 2}}),
         Try("its way back", MARKS, DEPLOYMENT, {"metadata": {"annotations": {BACK_TO: None}}}),
@@ -193,7 +196,7 @@ def way_back(keeper: Keeper) -> tuple[str, dict[str, Any]]:
 def a_gated_pod(core: client.CoreV1Api) -> Iterator[str]:
     """A pod that waits for its gate, on no node."""
     spec = {
-        "nodeSelector": {"rosops.fleet/robot": "none"},
+        "nodeSelector": {CHOOSES_ROBOT: "none"},
         "readinessGates": [{"conditionType": GATE}],
         "containers": [{"name": "ros-app", "image": "docker.io/lab/apps:1.0"}],
     }
@@ -230,3 +233,64 @@ def test_a_keeper_s_token_is_good_for_its_work_alone(fleet: Fleet) -> None:
     proven = f"{APP} was good for {SOAK} s: proven"
     wait_until(lambda: fleet.cluster.keeper_log("robot1"), lambda log: proven in log, 4 * SOAK, proven, pause=5)
     assert not {MARK, BACK_TO} & {*notes()[APP]}
+
+
+OWN, EDGE = {CHOOSES_ROBOT: "robot1"}, {CHOOSES_EDGE: "remote"}
+PRIVILEGED = {"securityContext": {"privileged": True}}
+
+
+def pod_of(selector: Mapping[str, str], container: Mapping[str, Any], **spec: Any) -> dict[str, Any]:
+    """One that would run there."""
+    made = {"name": "mine", "image": "docker.io/lab/apps:1.0", **container}
+    return {"metadata": {"name": "mine"}, "spec": {"nodeSelector": {**selector}, "containers": [made], **spec}}
+
+
+def of_hosts() -> list[tuple[str, str, dict[str, Any]]]:
+    """Pods, and the words of the rule that refuses them in the robot's namespace; none where they are allowed."""
+    root, claims = ({"name": "host", "hostPath": {"path": path}} for path in ("/", STORAGE))
+    writes, reads = (
+        {"volumeMounts": [{"name": "host", "mountPath": "/m", "readOnly": only}]} for only in (False, True)
+    )
+    adds = {"securityContext": {"capabilities": {"add": ["SYS_ADMIN"]}}}
+    inside = [{"name": "first", "image": "docker.io/lab/apps:1.0", **PRIVILEGED}]
+    return [
+        ("privileged on the edge", "may be privileged", pod_of(EDGE, PRIVILEGED)),
+        ("the same in an init container", "may be privileged", pod_of(EDGE, {}, initContainers=inside)),
+        ("privileged on another robot", "may be privileged", pod_of({CHOOSES_ROBOT: "robot2"}, PRIVILEGED)),
+        ("privileged anywhere", "may be privileged", pod_of({}, PRIVILEGED)),
+        ("the edge's files", "may mount a path of its host", pod_of(EDGE, reads, volumes=[root])),
+        ("to write into others' claims", "may mount a path of its host", pod_of(EDGE, writes, volumes=[claims])),
+        ("the edge's network", "may have hostNetwork", pod_of(EDGE, {}, hostNetwork=True)),
+        ("a capability", "may add capabilities", pod_of(EDGE, adds)),
+        ("a container on the edge", "", pod_of(EDGE, {})),
+        ("as a keeper on the edge", "", pod_of(EDGE, reads, volumes=[claims])),
+        ("all of its own host", "", pod_of(OWN, {**PRIVILEGED, **writes}, volumes=[root], hostNetwork=True)),
+        ("the same, placed as by 1.0", "", pod_of({"rosops.fleet/robot": "robot1"}, PRIVILEGED)),
+    ]
+
+
+def refusal(pod: Mapping[str, Any]) -> str:
+    """What the API server says of it to an administrator; nothing where it would make it."""
+    try:
+        client.CoreV1Api().create_namespaced_pod(NAMESPACE, pod, dry_run="All", _request_timeout=20)
+    except client.ApiException as error:
+        assert error.status == 403, error
+        return str(json.loads(error.body)["message"])
+    return ""
+
+
+@pytest.mark.promise("root on a robot gets no pod of the edge, and no pod in a robot's namespace gets another host")
+def test_neither_a_robot_s_kubelet_nor_its_pods_get_another_host(fleet: Fleet) -> None:
+    kubelet = f"k3s kubectl --kubeconfig {KUBELET} label node robot1 --overwrite --dry-run=server"
+    for label in (f"{CHOOSES_EDGE}=remote", f"{CHOOSES_ROBOT}=robot2", f"{CHOOSES_EDGE}-"):
+        said = fleet.hosts.ssh("robot1", f"{kubelet} {label} 2>&1 || true")
+        assert "is not allowed to modify labels: node-restriction.kubernetes.io/" in said, said
+    # which is about these labels, and about no other
+    assert "robot1 labeled" in fleet.hosts.ssh("robot1", f"{kubelet} deploymentType=remote 2>&1 || true")
+    for what, words, pod in of_hosts():
+        said = refusal(pod)
+        assert (f"only a pod on its robot's own node (nodeSelector {CHOOSES_ROBOT}" in said) is bool(words), (
+            what,
+            said,
+        )
+        assert words in said and bool(said) is bool(words), (what, said)

@@ -62,7 +62,8 @@ class Robot:
     """One robot. `pull_secrets` are names of Secrets; what is in them stays in the inventory.
 
     `when` is what messages must say before anything is changed that its apps may notice, as UpdateSettings has it,
-    `windows` are the times in which that may be.
+    `windows` are the times in which that may be. `old_labels`: those of its workloads that choose their
+    node by the labels of 1.0.
     """
 
     name: str
@@ -74,10 +75,12 @@ class Robot:
     quota: Variables = field(default_factory=dict)
     limits: Variables = field(default_factory=dict)
     pod_security: str = ""
+    edge_host_access: bool = False
     pull_secrets: tuple[str, ...] = ()
     when: When = ()
     windows: Windows = ALWAYS
     observability: Observability = Observability()
+    old_labels: tuple[str, ...] = ()
 
     @classmethod
     def from_variables(cls, variables: Variables, name: str) -> Robot:
@@ -96,6 +99,7 @@ class Robot:
                 "quota": variables.get("robot_namespace_quota"),
                 "limits": variables.get("robot_namespace_limits"),
                 "pod_security": variables.get("robot_namespace_pod_security"),
+                "edge_host_access": variables.get("robot_namespace_edge_host_access"),
                 "pull_secrets": [secret["name"] for secret in variables.get("robot_namespace_pull_secrets") or ()],
                 "when": variables.get("update_when"),
                 "observability": variables.get("observability"),

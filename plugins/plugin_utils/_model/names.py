@@ -16,6 +16,11 @@ LABEL_ROBOT = words.ROBOT
 LABEL_APP = words.APP
 LABEL_REVISION = words.REVISION
 LABEL_PLACEMENT = "deploymentType"
+# Of Nodes. A kubelet cannot set these on its own one (NodeRestriction), but LABEL_ROBOT and LABEL_PLACEMENT, which are
+# there for versions of 1.0 and for users' own pods.
+NODE_ROBOT = "node-restriction.kubernetes.io/rosops-robot"
+NODE_PLACEMENT = "node-restriction.kubernetes.io/rosops-placement"
+LABEL_HOST_ACCESS = "rosops.fleet/edge-host-access"  # on a namespace: its pods may have hosts that are not its robot's
 LABEL_FILES = "rosops.fleet/files"  # on a ConfigMap of an app's files: the app. No version changes it
 LABEL_KEPT = words.KEPT
 ANNOTATION_HASH = words.HASH

@@ -214,24 +214,39 @@ WRITTEN = ("/pods/status", "apps/deployments", "/configmaps", "coordination.k8s.
 
 
 def admission_objects() -> list[Object]:
-    """The policy, and what puts it in force. They are the cluster's, the same bytes from every robot."""
-    user, labels = "request.userInfo.username", owner_labels(None)
+    """The policy, and what puts it in force."""
+    user = "request.userInfo.username"
     keepers = f"{user}.startsWith('system:serviceaccount:') && {user}.endsWith(':{KEEPER}')"
+    validations = [_validation(kind, *rule) for kind, one in RULES.items() for rule in one.items()]
+    return policy(NAME, dict.fromkeys(WRITTEN, ("CREATE", "UPDATE")), {"keepers": keepers}, VARIABLES, validations)
+
+
+def policy(
+    name: str,
+    asked: Mapping[str, Sequence[str]],
+    where: Mapping[str, str],
+    variables: Mapping[str, str],
+    validations: Sequence[Object],
+) -> list[Object]:
+    """A policy and what puts it in force. They are the cluster's, the same bytes from every robot.
+
+    `asked` is group/resource -> the operations that it judges, `where` and `variables` are name -> CEL.
+    """
     rules = [
-        {"apiGroups": [group], "apiVersions": ["v1"], "operations": ["CREATE", "UPDATE"], "resources": [kind]}
-        for group, _slash, kind in (one.partition("/") for one in WRITTEN)
+        {"apiGroups": [group], "apiVersions": ["v1"], "operations": [*operations], "resources": [kind]}
+        for (group, _slash, kind), operations in ((one.partition("/"), found) for one, found in asked.items())
     ]
+    named = {"matchConditions": where, "variables": variables}
     spec = {
         "failurePolicy": "Fail",
         "matchConstraints": {"resourceRules": rules},
-        "matchConditions": [{"name": "keepers", "expression": keepers}],
-        "variables": [{"name": name, "expression": text} for name, text in VARIABLES.items()],
-        "validations": [_validation(kind, *rule) for kind, one in RULES.items() for rule in one.items()],
+        **{kind: [{"name": key, "expression": text} for key, text in found.items()] for kind, found in named.items()},
+        "validations": [*validations],
     }
-    force = {"policyName": NAME, "validationActions": ["Deny"]}
+    force, labels = {"policyName": name, "validationActions": ["Deny"]}, owner_labels(None)
     return [
-        made(API, "ValidatingAdmissionPolicy", NAME, labels=labels, spec=spec),
-        made(API, "ValidatingAdmissionPolicyBinding", NAME, labels=labels, spec=force),
+        made(API, "ValidatingAdmissionPolicy", name, labels=labels, spec=spec),
+        made(API, "ValidatingAdmissionPolicyBinding", name, labels=labels, spec=force),
     ]
 
 

@@ -25,11 +25,11 @@ from .common import (
     field_variable,
     harden,
     mount,
-    node_selector,
     pod_spec,
     variable,
     workload,
 )
+from .placement import node_selector
 from .pod_settings import app_settings, gate_settings
 
 REVISION_LENGTH = 8
@@ -94,7 +94,7 @@ def plain_deployment(app: App, robot: Robot) -> Object:
         [*(source for source, _mount in _volumes(app)), *code],
         robot.pull_secrets,
         terminationGracePeriodSeconds=app.termination_grace_period,
-        nodeSelector=node_selector(app.placement, robot.name),
+        nodeSelector=node_selector(app.placement, robot.name, app.name in robot.old_labels),
         **pod,
     )
     strategy = OVERLAP_STRATEGY if app.handoff == "overlap" else RECREATE_STRATEGY

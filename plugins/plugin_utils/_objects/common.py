@@ -130,11 +130,6 @@ def pod_spec(
     return spec
 
 
-def node_selector(placement: str, robot: str) -> dict[str, str]:
-    """`local` is the robot itself, `remote` any edge host."""
-    return {names.LABEL_ROBOT: robot} if placement == "local" else {names.LABEL_PLACEMENT: "remote"}
-
-
 def mount(name: str, path: str, read_only: bool = False) -> Object:
     return {"name": name, "mountPath": path, **({"readOnly": True} if read_only else {})}
 

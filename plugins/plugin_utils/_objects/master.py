@@ -29,11 +29,11 @@ from .common import (
     harden,
     hashed,
     mount,
-    node_selector,
     pod_spec,
     variable,
     workload,
 )
+from .placement import STORAGE, node_selector
 from .pod_code import CODE_MOUNT, code_command, code_volume
 from .pod_security import CLOSED
 
@@ -65,7 +65,6 @@ RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64M
 KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "192Mi"}}
 
 UPDATES_DIR = "/etc/rosops-fleet/updates"
-STORAGE = "/var/lib/rancher/k3s/storage"  # where k3s' class local-path has its volumes
 CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
 # Only with claims, mounted read-only: apps' directories may be closed to others. Not DAC_READ_SEARCH, which sounds like
 # less but opens files by handle, those outside of the mount, too.
@@ -178,7 +177,7 @@ def _with_the_master(
     One goes before the next comes: two masters would split the graph, and two keepers would each forward the goals that
     they hold, and show every series twice.
     """
-    where = node_selector(robot.master.placement, robot.name)
+    where = node_selector(robot.master.placement, robot.name, name in robot.old_labels)
     pod |= {} if robot.master.mode == "external" else {"priorityClassName": PRIORITY}
     spec = pod_spec([container], volumes, robot.pull_secrets, nodeSelector=where, **pod)
     return workload(name, context.master_namespace(robot), context.master_owner(robot), spec, annotations=notes)

@@ -26,8 +26,9 @@ POD_SECURITY = "pod-security.kubernetes.io/enforce"
 def namespace_objects(robot: Robot) -> list[Object]:
     """The robot's namespace with quota, limits and its keeper's rights; the namespace `fleet` where it needs that."""
     labels = owner_labels(robot.name)
+    access = {names.LABEL_HOST_ACCESS: "true"} if robot.edge_host_access else {}
     level = {POD_SECURITY: robot.pod_security} if robot.pod_security else {}
-    objects = [made("v1", "Namespace", robot.namespace, labels={**labels, **level})]
+    objects = [made("v1", "Namespace", robot.namespace, labels={**labels, **level, **access})]
     if robot.quota:
         quota = {"hard": _texts(robot.quota)}
         objects.append(made("v1", "ResourceQuota", "robot", robot.namespace, labels, spec=quota))
@@ -35,7 +36,7 @@ def namespace_objects(robot: Robot) -> list[Object]:
         limits = [{"type": "Container", **{key: _texts(value) for key, value in robot.limits.items()}}]
         objects.append(made("v1", "LimitRange", "robot", robot.namespace, labels, spec={"limits": limits}))
     if needs_fleet_namespace(robot):
-        objects.append(made("v1", "Namespace", names.FLEET_NAMESPACE, labels=owner_labels(None)))
+        objects.append(made("v1", "Namespace", names.FLEET_NAMESPACE, labels={**owner_labels(None), **access}))
     return [*objects, *keeper_access(robot)]
 
 

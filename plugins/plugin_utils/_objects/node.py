@@ -17,8 +17,9 @@ TAINTS_ANNOTATION = "rosops.fleet/taints"
 
 def node_object(name: str, placement: str, robot: str, labels: Mapping[str, str]) -> Object:
     """What is applied to a node: its placement, its robot (empty: an edge host's node) and further labels."""
-    own = {names.LABEL_PLACEMENT: placement, **({names.LABEL_ROBOT: robot} if robot else {})}
-    return made("v1", "Node", name, labels={**own, **labels})
+    old = {names.LABEL_PLACEMENT: placement, **({names.LABEL_ROBOT: robot} if robot else {})}
+    own = {names.NODE_PLACEMENT: placement, **({names.NODE_ROBOT: robot} if robot else {})}
+    return made("v1", "Node", name, labels={**old, **labels, **own})
 
 
 def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:

@@ -20,6 +20,7 @@ from .belongings import belongings
 from .common import Files
 from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
+from .placement import is_placed
 from .pod_code import code_maps, pod_files
 from .pod_settings import full_name, rest_maps
 from .rights import keeper_access
@@ -77,7 +78,7 @@ def images(robot: Robot, placement: str | None = None) -> list[str]:
     found: set[str] = set()
     for item in [*master_objects(robot), *app_objects(robot)]:
         pod = item["spec"]["template"]["spec"] if item["kind"] == "Deployment" else {}
-        where = "local" if names.LABEL_ROBOT in (pod.get("nodeSelector") or {}) else "remote"
+        where = "local" if is_placed(pod, "local") else "remote"
         if placement in (None, where):
             containers = [*(pod.get("initContainers") or []), *(pod.get("containers") or [])]
             found.update(container["image"] for container in containers if container.get("image"))

@@ -21,6 +21,7 @@ from .._model import context, names
 from .._model.context import Robot
 from .admission import API, admission_objects
 from .common import PRIORITY, config_map, made, owner_labels
+from .placement import pod_policy
 
 RBAC, LEASES, SCHEDULING = "rbac.authorization.k8s.io", "coordination.k8s.io", "scheduling.k8s.io"
 
@@ -83,7 +84,7 @@ def cluster_objects() -> list[Object]:
     about = "What a robot's work hangs on: its ROS master, and the keeper beside it"
     body: Object = {"value": 1_000_000, "globalDefault": False, "preemptionPolicy": "Never", "description": about}
     priority = made(f"{SCHEDULING}/v1", "PriorityClass", PRIORITY, labels=owner_labels(None), **body)
-    return [priority, *admission_objects()]
+    return [priority, *admission_objects(), *pod_policy()]
 
 
 def keeper_access(robot: Robot) -> list[Object]:

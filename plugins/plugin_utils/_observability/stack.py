@@ -11,7 +11,8 @@ from typing import Any
 from ...module_utils._step.objects import Object
 from .._model.merge import deep_merge
 from .._objects import common
-from .._objects.common import annotate, made, node_selector, object_labels, owner_labels, pod_selector
+from .._objects.common import annotate, made, object_labels, owner_labels, pod_selector
+from .._objects.placement import node_selector
 from .configs import FOLDERS, config, yaml_text
 from .files import Files
 from .spec import HUB, HUB_LOGS, HUB_METRICS, NAMESPACE, ON_EVERY_HOST, PORTS, Spec, runs

@@ -19,6 +19,7 @@ from .._kube.pods import condition, last_end, meta, why_not_ready
 from .._kube.running import TODO, Outdated
 from .._kube.verdicts import judge
 from .._model import names
+from .._objects.placement import is_placed
 from . import rows
 from .kept import last_runs, last_steps
 from .rows import HELPERS, SHARED, Status, Trouble, logs_of
@@ -119,7 +120,7 @@ def _workload(deployment: Object, all_pods: Iterable[Object], now: float) -> row
         name=name_of(deployment),
         namespace=_namespace(deployment),
         robot=_robot(deployment),
-        placement="local" if names.LABEL_ROBOT in (pod_spec.get("nodeSelector") or {}) else "remote",
+        placement="local" if is_placed(pod_spec, "local") else "remote",
         ready=int(status.get("readyReplicas") or 0),
         wanted=int(1 if wanted is None else wanted),
         nodes=tuple(sorted({str((pod.get("spec") or {}).get("nodeName") or "?") for pod in live})),

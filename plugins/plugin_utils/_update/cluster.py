@@ -25,6 +25,7 @@ from .._kube.wait import WaitOptions, wait_for_rollout
 from .._model import names
 from .._model.context import Robot, master_namespace
 from .._objects.namespace import needs_fleet_namespace
+from .._objects.placement import CHOOSES, node_selector
 from .world import HeldError, Live, LostError, Object, ticking
 
 RENEW_SECONDS = 5.0
@@ -68,6 +69,16 @@ class KubeCluster:
             # the items of a list do not say what they are
             found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
         return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
+
+    def unlabelled(self, robot: Robot) -> bool:
+        """Whether nodes of its pods are known by the labels of 1.0 alone: the role node was not there since."""
+        for place in sorted({robot.master.placement, *(app.placement for app in robot.apps)}):
+            [(label, value)] = node_selector(place, robot.name, old=True).items()
+            nodes = self._kube.objects("Node", labels=f"{label}={value}")
+            # one of several is enough: a robot that says it were an edge host changes nothing by that
+            if nodes and not any(CHOOSES[place][0] in labels_of(node) for node in nodes):
+                return True
+        return False
 
     def door(self, robot: Robot) -> KeeperDoor:
         return KeeperDoor(self._kube, master_namespace(robot), robot.namespace, self._holder)

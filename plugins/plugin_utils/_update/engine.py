@@ -34,7 +34,7 @@ from .change import NOTHING, StepChange, word_of
 from .cluster import KubeCluster
 from .hands import Hands, Settings, World
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
-from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, promised, rendered, update_plan
+from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, placed, promised, rendered, update_plan
 from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
@@ -44,6 +44,8 @@ MOVED = (
     "(ros_apps without them, update_remove_apps with their names), then change the mode, then put them back"
 )
 
+# where the role node was not there with this version
+UNLABELLED = "nodes have no labels but those of 1.0: new versions are placed by these until rosops.fleet.site has run"
 
 KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}
 SOAK_PAUSE = 5.0  # seconds between two looks at what soaks
@@ -58,6 +60,7 @@ class Engine(Hands):
         self.ground: Sequence[Object] = ()  # what the pods stand on, of the parts that are asked for
         self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.left = False  # it is at work and has to be changed, which this run may not
+        self.unlabelled = False  # nodes of its pods have the labels of 1.0 alone
         self.trouble: FleetError | None = None  # after the steps
 
     def run(self) -> RobotOutcome:
@@ -65,6 +68,9 @@ class Engine(Hands):
         try:
             gone = removed_claims(self.robot, self.settings.remove_claims, self.settings.remove_confirm)
             self.host.there()
+            self.unlabelled = self.cluster.unlabelled(self.robot)
+            if self.unlabelled:
+                self.say(UNLABELLED)
             self._plan()
             if not self.left:
                 self._work(gone)
@@ -189,7 +195,8 @@ class Engine(Hands):
         other = other_master(self.robot, self.live, lambda: self.cluster.read([names.FLEET_NAMESPACE]))
         if other:
             raise SpecError(f"{self.robot.name}'s apps run with {other}, and {MOVED}")
-        self.robot, settings, request = located(self.robot, self.live), self.settings, self.settings.request
+        settings, request = self.settings, self.settings.request
+        self.robot = placed(located(self.robot, self.live), self.live, self.unlabelled)
         self.desired = rendered(self.robot)
         self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
         self.plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
@@ -212,7 +219,7 @@ class Engine(Hands):
     def _prepare(self, gated: Sequence[Step]) -> None:
         """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
-        images = {image for step in gated for image in images_of(step, names.LABEL_ROBOT)}
+        images = {image for step in gated for image in images_of(step, "local")}
         # of what is installed the archives alone: the node pulls the rest, all at the same time
         if images or any(step.kind == INSTALL for step in self.plan.steps):
             self.host.bring(sorted(images))

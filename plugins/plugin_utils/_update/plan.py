@@ -107,6 +107,17 @@ class Request:
     remove: Sequence[str] = ()
 
 
+def placed(robot: Robot, live: Live, unlabelled: bool) -> Robot:
+    """The robot with the labels by which its pods are placed: the old ones where nodes have no others (`unlabelled`).
+
+    What would be another version by these labels alone, keeps its own until it changes anyway.
+    """
+    every, there = (*NAMES, *(app.name for app in robot.apps)), {*map(hash_of, live.deployments)}
+    others = rendered(replace(robot, old_labels=() if unlabelled else every))
+    stays = {app for app, made in others.items() if there & {*map(hash_of, deployments_of(made))}}
+    return replace(robot, old_labels=tuple(app for app in every if (app in stays) != unlabelled))
+
+
 def rendered(robot: Robot) -> Desired:
     """What the robot is to run, and its Services."""
     found: dict[str, list[Object]] = {}

@@ -17,6 +17,7 @@ from ...module_utils._step.record import Record
 from ...module_utils._step.rest import actions_to_rest, own_nodes
 from .._images.archive import normal_ref
 from .._model import names
+from .._objects.placement import is_placed
 from .nodes import Launched, Succession, allowed, obstacle, succession
 from .plan import Step
 from .world import Calm, Live, Object
@@ -275,10 +276,10 @@ def with_rates(graph: Graph, rated: Graph) -> Graph:
     return replace(graph, topics=topics)
 
 
-def images_of(step: Step, label: str) -> list[str]:
-    """Of its pods that the label places: on the robot's own node, or on any of the edge hosts."""
+def images_of(step: Step, placement: str) -> list[str]:
+    """Of its pods that are placed so: on the robot's own node (`local`), or on any of the edge hosts (`remote`)."""
     pods = [item["spec"]["template"]["spec"] for item in step.workloads]
-    placed = [pod for pod in pods if label in (pod.get("nodeSelector") or {})]
+    placed = [pod for pod in pods if is_placed(pod, placement)]
     found = [one["image"] for pod in placed for one in [*(pod.get("initContainers") or []), *pod["containers"]]]
     return list(dict.fromkeys(found))
 
@@ -287,7 +288,7 @@ def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[
     """Images of remote pods that an edge host lacks. A remote pod may be placed on any of them."""
     lacking = {
         image: [host for host, images in present.items() if normal_ref(image) not in images]
-        for image in images_of(step, names.LABEL_PLACEMENT)
+        for image in images_of(step, "remote")
     }
     return [f"the image {image} is not on {', '.join(hosts)}" for image, hosts in lacking.items() if hosts]
 

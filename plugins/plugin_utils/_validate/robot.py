@@ -16,6 +16,8 @@ from .._model.order import circle
 from .._model.topology import EDGE_CLUSTER, members
 from .._objects.app import app_deployment
 from .._objects.master import keeper_objects, plain_keeper, plain_master, ros_core_objects
+from .._objects.namespace import needs_fleet_namespace
+from .._objects.placement import of_other_host
 from .._objects.pod_security import refused
 from .._objects.pod_settings import promised
 from .app import app_problems, app_warnings, when_problems
@@ -32,7 +34,8 @@ def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
     for path, app, raw in draft.apps:
         found = [problem.below(path) for problem in app_problems(app, raw, draft)]
         yield from found
-        if not found and draft.robot.pod_security and app.scope != "fleet":
+        asks = app.overrides or app.host_network or app.host_paths or app.devices
+        if not found and (asks or draft.robot.pod_security):
             yield from _refused(draft, path, app_deployment(app, draft.robot))
     yield from _namespace(draft)
     yield from _same_names(draft)
@@ -44,11 +47,16 @@ def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
 
 
 def _refused(draft: Draft, path: str, deployment: Object) -> Iterator[Problem]:
-    """What the namespace's level refuses of a pod."""
-    level = draft.robot.pod_security
-    if more := ", ".join(refused(deployment["spec"]["template"]["spec"], level)):
+    """What the API server would refuse of a pod: by its namespace's level, or as it may be on another one's host."""
+    robot, base = draft.robot, f"{draft.path}.robot_namespace_"
+    namespace, pod = deployment["metadata"]["namespace"], deployment["spec"]["template"]["spec"]
+    level = robot.pod_security if namespace == robot.namespace else ""
+    if more := ", ".join(refused(pod, level)):
         found = f"is {level}, but {path} has {more}"
-        yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out, or overrides")
+        yield Problem(f"{base}pod_security", found, "privileged, or leave it out, or overrides")
+    if not robot.edge_host_access and (more := ", ".join(of_other_host(pod, namespace))):
+        found = f"is false, but {path} has {more}, and is not placed on the robot's own node"
+        yield Problem(f"{base}edge_host_access", found, "true, or placement: local")
 
 
 def _namespace(draft: Draft) -> Iterator[Problem]:
@@ -191,7 +199,7 @@ def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
         if master.ours or plain is plain_keeper:
             problems = override_problems(plain(robot), overrides, container, base + key)
             yield from problems
-            if not problems and robot.pod_security and master.mode != "shared":
+            if not problems and (overrides or robot.pod_security):
                 yield from _refused(draft, base + key, whole(robot)[0])
 
 
@@ -221,6 +229,11 @@ def fleet_app_problems(drafts: Sequence[Draft]) -> Iterator[Problem]:
         if draft.robot.master != shared[0].robot.master:
             found = f"differs from the one of {shared[0].robot.name}, although the master is shared"
             yield Problem(f"{draft.path}.ros_master_image", found, "the same ros_master_* variables for all robots")
+    same_namespace = [one for one in drafts if needs_fleet_namespace(one.robot) and one.robot.mode != "standalone"]
+    for draft in same_namespace:
+        if draft.robot.edge_host_access != same_namespace[0].robot.edge_host_access:
+            found = f"differs from the one of {same_namespace[0].robot.name}, and both have the namespace fleet"
+            yield Problem(f"{draft.path}.robot_namespace_edge_host_access", found, "the same for all of them")
     for path, app in [(path, app) for draft in drafts for path, app, _raw in draft.apps if app.scope == "fleet"]:
         first, same = apps.setdefault(app.name, (path, app))
         if app != same:

@@ -16,7 +16,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, rendered, update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
+    Plan,
+    Request,
+    placed,
+    rendered,
+    update_plan,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
@@ -35,6 +41,7 @@ def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str,
 
 
 def planned(robot: Robot, live: Live, request: Request | None = None, drifted: Collection[Key] = ()) -> Plan:
+    robot = placed(robot, live, unlabelled=False)
     return update_plan(robot, rendered(robot), live, request or Request(), drifted)
 
 

@@ -96,6 +96,7 @@ class Simulation(SimulatedRobot):
         self.api_since = self.api_until = -1.0
         self.holder, self.renewed = "", FOREVER  # of the Lease; when it was renewed last, if nobody does any more
         self.claims = 0  # of the Lease, so far
+        self.unlabelled = False  # nodes have the labels of 1.0 alone
         self.keeper = SimulatedKeeper(self)
         self.faults: dict[int, str] = {}  # at which call
         self.phase, self.phases = "", list[str]()  # where the run stands, and where it stood at each of its calls
@@ -492,6 +493,9 @@ class SimulatedCluster:
     def __init__(self, sim: Simulation) -> None:
         self.sim, self.claimed = sim, False
         self.earlier: dict[int, int] = {}  # by pod, restarts that are not this run's
+
+    def unlabelled(self, _robot: Robot) -> bool:
+        return self.sim.unlabelled
 
     def door(self, _robot: Robot) -> None:
         """The simulated host answers for the keeper, too."""

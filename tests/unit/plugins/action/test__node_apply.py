@@ -13,11 +13,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 PATH = "/api/v1/nodes/robot1"
+PLACE = {"placement": "local", "robot": "robot1"}
 TAINT = {"key": "gripper", "value": "", "effect": "NoSchedule"}
 
 
 def apply(api: dict[str, Any], check_mode: bool = False, **options: Any) -> dict[str, Any]:
-    given = {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options}
+    given = {**api, "name": "robot1", **PLACE, **options}
     return run(_node_apply, given, fleet_of(robot()), check_mode)
 
 
@@ -29,7 +30,8 @@ def test_labels_and_taints_once(server: Server, api: dict[str, Any]) -> None:
     ready(server)
     assert apply(api, labels={"a": "b"}, taints=[TAINT])["changed"]
     node = server.find(PATH)
-    assert node["metadata"]["labels"] == {"deploymentType": "local", "rosops.fleet/robot": "robot1", "a": "b"}
+    new = {f"node-restriction.kubernetes.io/rosops-{key}": value for key, value in PLACE.items()}
+    assert node["metadata"]["labels"] == {"deploymentType": "local", "rosops.fleet/robot": "robot1", **new, "a": "b"}
     assert node["spec"]["taints"] == [{"key": "gripper", "effect": "NoSchedule"}]
     assert not apply(api, labels={"a": "b"}, taints=[TAINT])["changed"]
     assert apply(api)["changed"]

@@ -20,7 +20,7 @@ LINES = {
     "env ros-app name=A value=1",
     "replicas deployment spec.replicas=1",
     "nodes 1",
-    "node rosops.fleet/robot=robot1",
+    "node node-restriction.kubernetes.io/rosops-robot=robot1",
     "label rosops.fleet/robot=robot1",
     "account pod automountServiceAccountToken=false",
     "host pod",
@@ -69,7 +69,7 @@ def test_a_version_is_told_a_fact_a_line() -> None:
         ({"overrides": {"spec": {"template": {"spec": {"priorityClassName": "system-node-critical"}}}}}, {
             "host pod priorityClassName=system-node-critical", "has pod priorityClassName",
         }),
-        ({"placement": "remote"}, {"node deploymentType=remote"}),
+        ({"placement": "remote"}, {"node node-restriction.kubernetes.io/rosops-placement=remote"}),
         ({"overrides": {"spec": {"replicas": 2}}}, {"replicas deployment spec.replicas=2"}),
         ({"overrides": {"spec": {"template": {"spec": {"hostNetwork": False, "serviceAccountName": "mine"}}}}}, {
             "account pod serviceAccountName=mine automountServiceAccountToken=false",

@@ -46,7 +46,8 @@ def test_the_parts_that_tags_mean(asked: Sequence[str], run: list[str], skip: li
 def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     secrets = [SECRET, {"name": "made-elsewhere"}]
     ground = {part: kinds(ground_objects(MADE, [part], secrets, {})) for part in PARTS}
-    policy = ["PriorityClass rosops-fleet", *(f"{kind} rosops-fleet-keeper" for kind in POLICIES)]
+    policies = ("rosops-fleet-keeper", "rosops-fleet-pods")
+    policy = ["PriorityClass rosops-fleet", *(f"{kind} {name}" for name in policies for kind in POLICIES)]
     keeper = [*policy, *(f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding"))]
     assert ground == {
         "namespace": ["Namespace robot-robot1", *keeper, "Secret pull"],

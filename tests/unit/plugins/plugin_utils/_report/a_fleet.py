@@ -32,7 +32,9 @@ def status(**sections: Any) -> Status:
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:
     own = {"rosops.fleet/robot": name, "deploymentType": "local"} if name.startswith("robot") else {}
-    built_in = {"kubernetes.io/hostname": name, "beta.kubernetes.io/os": "linux", "node.k3s.io/instance-type": "k3s"}
+    place = {"placement": "local", "robot": name} if own else {"placement": "remote"}
+    built_in = {f"node-restriction.kubernetes.io/rosops-{key}": value for key, value in place.items()}
+    built_in |= {"kubernetes.io/hostname": name, "beta.kubernetes.io/os": "linux", "node.k3s.io/instance-type": "k3s"}
     condition = {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
     addresses = [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}]
     status = {"addresses": addresses, "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"}}
@@ -45,7 +47,8 @@ def node(name: str, ready: str = "True", **labels: str) -> Object:
 
 def workload(name: str, ready: int = 1, remote: bool = False, manager: str = "rosops.fleet") -> Object:
     robot = "robot1"
-    where = {"deploymentType": "remote"} if remote else {"rosops.fleet/robot": robot}
+    place = {"placement": "remote"} if remote else {"robot": robot}
+    where = {f"node-restriction.kubernetes.io/rosops-{key}": value for key, value in place.items()}
     own = {"app.kubernetes.io/managed-by": manager, "rosops.fleet/app": name, "rosops.fleet/robot": robot}
     pod_spec = {"nodeSelector": where, "containers": [{"name": "ros-app", "image": "lab/apps:1.0"}]}
     return {

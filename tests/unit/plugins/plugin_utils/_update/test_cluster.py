@@ -285,3 +285,37 @@ def test_it_ticks_until_the_block_ends() -> None:
     with ticking(0.001, ticked.set):
         assert ticked.wait(10.0)
     assert threading.active_count() == threads
+
+
+def labelled(**labels: str) -> dict[str, Any]:
+    return {
+        "metadata": {
+            "name": "n",
+            "labels": {f"node-restriction.kubernetes.io/rosops-{k}": v for k, v in labels.items()},
+        }
+    }
+
+
+@pytest.mark.parametrize(
+    ("nodes", "found"),
+    [
+        ([], False),  # nobody knows of any: whatever is wanted waits for one
+        ([labelled()], True),
+        ([labelled(robot="robot1")], False),
+        ([labelled(), labelled(robot="robot1")], False),  # one that says by itself that it is the robot's
+    ],
+)
+def test_whether_a_robot_s_nodes_have_no_labels_but_the_old_ones(
+    server: Server, ours: KubeCluster, nodes: list[dict[str, Any]], found: bool
+) -> None:
+    server.lists["/api/v1/nodes"] = nodes
+    assert ours.unlabelled(robot()) is found
+    _path, query, _headers = server.seen()
+    assert query["labelSelector"] == "rosops.fleet/robot=robot1"
+
+
+def test_of_remote_apps_the_edge_hosts_are_asked_for(server: Server, ours: KubeCluster) -> None:
+    server.lists["/api/v1/nodes"] = [labelled(robot="robot1")]
+    assert ours.unlabelled(robot({"name": "a", "image": "a:1", "placement": "remote"}))
+    asked = [server.seen()[1]["labelSelector"] for _place in ("local", "remote")]
+    assert asked == ["rosops.fleet/robot=robot1", "deploymentType=remote"]

@@ -16,9 +16,12 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import hashed, pod_spec, workload
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import UNLABELLED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request, placed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated import world
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
@@ -145,6 +148,35 @@ def test_a_version_that_an_edge_host_lacks_is_not_begun(back: bool, check: bool)
 
 @pytest.mark.parametrize("wanted_image", [OLD, image("good")])
 @pytest.mark.parametrize("name", ["ros-master", "ros-keeper"])
+def selectors(sim: Simulation) -> dict[str, list[str]]:
+    """App -> the labels that choose its node."""
+    there = [item for (kind, _space, _name), item in sim.objects.items() if kind == "Deployment"]
+    return {one["metadata"]["name"]: [*one["spec"]["template"]["spec"]["nodeSelector"]] for one in there}
+
+
+@pytest.mark.parametrize("name", ["overlap", "replace", "keeper-and-master", "fleet"])
+def test_a_robot_of_1_0_is_as_it_should_be_and_its_next_version_gets_the_new_selector(name: str) -> None:
+    scenario, sim = SCENARIOS[name], Simulation()
+    wanted = scenario.robot(OLD)
+    former = placed(wanted, Live(), unlabelled=True)
+    sim.install(former)
+    before = selectors(sim)
+    assert {label for labels in before.values() for label in labels} <= {"rosops.fleet/robot", "deploymentType"}
+    ready = Request(parts=PARTS)
+    assert outcome_of(sim, wanted, request=ready).outcome == "unchanged"
+    assert selectors(sim) == before
+    sim.unlabelled = True
+    changed = scenario.robot(image("good"))
+    assert outcome_of(sim, changed, request=ready).outcome == "updated"
+    assert selectors(sim) == before and UNLABELLED in sim.said
+    sim.unlabelled = False
+    assert outcome_of(sim, changed, request=ready).outcome == "unchanged"
+    assert outcome_of(sim, wanted, request=ready).outcome == "updated"
+    moved = {app: labels for app, labels in selectors(sim).items() if labels != before[app]}
+    assert moved and all(label.startswith("node-restriction.kubernetes.io/") for [label] in moved.values())
+    assert outcome_of(sim, wanted, request=ready).outcome == "unchanged"
+
+
 def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image: str, name: str) -> None:
     sim, _wanted = begin("overlap", "good")
     wanted, key = robot(app("sensor", wanted_image)), ("Service", "robot-robot1", name)

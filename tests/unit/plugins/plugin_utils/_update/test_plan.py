@@ -14,7 +14,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, hashed, pod_spec, workload
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, placed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described, kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -37,6 +38,40 @@ def step_names(plan: Plan) -> list[list[str]]:
 def test_what_is_as_it_should_be_is_no_step() -> None:
     wanted = robot(app("one"), app("two"))
     assert planned(wanted, applied(wanted)).steps == []
+
+
+def selector(item: dict[str, Any]) -> dict[str, str]:
+    found: dict[str, str] = item["spec"]["template"]["spec"]["nodeSelector"]
+    return found
+
+
+OLD, NEW = {"rosops.fleet/robot": "robot1"}, {"node-restriction.kubernetes.io/rosops-robot": "robot1"}
+REMOTE = {"node-restriction.kubernetes.io/rosops-placement": "remote"}
+
+
+@pytest.mark.parametrize("handoff", ["overlap", "replace"])
+def test_what_is_placed_by_the_labels_of_1_0_is_so_until_it_changes_anyway(handoff: str) -> None:
+    """Its selector alone restarts no app, and the graph is asked for the node that runs, not for another revision's."""
+    apps = [app("one", handoff=handoff, placement="local"), app("two"), app("three", placement="local")]
+    before = placed(robot(*apps), Live(), unlabelled=True)
+    assert [selector(item) for item in app_objects(before)] == [OLD, {"deploymentType": "remote"}, OLD]
+    there = applied(before)
+    assert planned(robot(*apps), there).steps == []
+    wanted = placed(robot(*apps), there, unlabelled=False)
+    assert graph_conditions(wanted) == graph_conditions(before)
+    apps[1], apps[2] = ({**each, "image": "example.org/app:2.0"} for each in apps[1:])
+    steps = planned(robot(*apps), there).steps
+    assert [selector(item) for step in steps for item in step.workloads] == [REMOTE, NEW]
+    assert [selector(step.previous[step.name]) for step in steps] == [{"deploymentType": "remote"}, OLD]
+
+
+def test_where_nodes_lack_the_new_labels_new_versions_have_the_old_ones_and_what_runs_stays() -> None:
+    new = robot(app("one", placement="local"))
+    assert placed(new, applied(new), unlabelled=True).old_labels == ()
+    changed = robot(app("one", "example.org/app:2.0", placement="local"))
+    there = placed(changed, applied(new), unlabelled=True)
+    assert [selector(item) for item in app_objects(there)] == [OLD]
+    assert there.old_labels == ("one",)  # master and keeper are as they were
 
 
 def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
