@@ -74,6 +74,8 @@ class Robot:
     quota: Variables = field(default_factory=dict)
     limits: Variables = field(default_factory=dict)
     pod_security: str = ""
+    network_policies: bool = True
+    admits: tuple[str, ...] = ()
     pull_secrets: tuple[str, ...] = ()
     when: When = ()
     windows: Windows = ALWAYS
@@ -96,6 +98,8 @@ class Robot:
                 "quota": variables.get("robot_namespace_quota"),
                 "limits": variables.get("robot_namespace_limits"),
                 "pod_security": variables.get("robot_namespace_pod_security"),
+                "network_policies": variables.get("robot_namespace_network_policies"),
+                "admits": variables.get("robot_namespace_admits"),
                 "pull_secrets": [secret["name"] for secret in variables.get("robot_namespace_pull_secrets") or ()],
                 "when": variables.get("update_when"),
                 "observability": variables.get("observability"),

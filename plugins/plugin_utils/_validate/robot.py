@@ -16,6 +16,7 @@ from .._model.order import circle
 from .._model.topology import EDGE_CLUSTER, members
 from .._objects.app import app_deployment
 from .._objects.master import keeper_objects, plain_keeper, plain_master, ros_core_objects
+from .._objects.namespace import needs_fleet_namespace
 from .._objects.pod_security import refused
 from .._objects.pod_settings import promised
 from .app import app_problems, app_warnings, when_problems
@@ -156,6 +157,8 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
     image = draft.robot.master.image
     if moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
+    if draft.robot.network_policies:
+        yield from _not_held(draft)
     # what the robot is asked before a change, and its own app has to answer
     publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
     for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
@@ -165,6 +168,15 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
                 f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
                 "-e update_on_busy=force, for the run that mends it",
             )
+
+
+def _not_held(draft: Draft) -> Iterator[Problem]:
+    """What no NetworkPolicy bounds."""
+    for path in [path for path, app, _raw in draft.apps if app.host_network]:
+        yield Problem(f"{path}.host_network", "no NetworkPolicy holds there: who reaches the host reaches the app")
+    if draft.robot.master.mode == "external":
+        told = "no NetworkPolicy holds for a master outside, and nodes outside reach the robot's pods from"
+        yield Problem(f"{draft.path}.ros_master_uri", f"{told} networks in robot_namespace_admits alone")
 
 
 def _master(draft: Draft, uri: bool) -> Iterator[Problem]:
@@ -221,6 +233,12 @@ def fleet_app_problems(drafts: Sequence[Draft]) -> Iterator[Problem]:
         if draft.robot.master != shared[0].robot.master:
             found = f"differs from the one of {shared[0].robot.name}, although the master is shared"
             yield Problem(f"{draft.path}.ros_master_image", found, "the same ros_master_* variables for all robots")
+    at_fleets = [draft for draft in drafts if needs_fleet_namespace(draft.robot)]
+    for draft in at_fleets:
+        if draft.robot.network_policies != at_fleets[0].robot.network_policies:
+            found, path = f"differs from the one of {at_fleets[0].robot.name}", "robot_namespace_network_policies"
+            allowed = "the same for all robots with a shared master or apps of scope fleet"
+            yield Problem(f"{draft.path}.{path}", found, allowed)
     for path, app in [(path, app) for draft in drafts for path, app, _raw in draft.apps if app.scope == "fleet"]:
         first, same = apps.setdefault(app.name, (path, app))
         if app != same:
