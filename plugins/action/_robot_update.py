@@ -172,8 +172,9 @@ class ActionModule(GatedAction):
             return {name_of(node): host_networks(node) for node in kube.nodes()}
 
         found = self._fetch(self._vars).networks(part["cluster"], {*own, *servers}, ask)
-        networks = [[one for node in nodes for one in found.get(node, ())] for nodes in (own, servers)]
-        return Hosts(*networks)
+        return Hosts(
+            *([one for node in nodes for one in found.get(node, ())] for nodes in (own, servers, sorted(found)))
+        )
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""

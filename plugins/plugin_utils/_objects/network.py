@@ -32,30 +32,32 @@ SAME: Object = {"podSelector": {}}  # all of the policy's own namespace
 
 @dataclass(frozen=True)
 class Hosts:
-    """Networks from which hosts send: those on which the robot's own pods run, and the servers of its cluster."""
+    """Networks from which hosts send: those of the robot's own pods, the servers of its cluster, and all of these."""
 
     own: Sequence[str] = ()
     servers: Sequence[str] = ()
+    every: Sequence[str] = ()
 
 
 UNKNOWN = Hosts()
 
 
 def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
-    """What a robot needs of them. Those of the fleet are the same from every robot, but for one that is its own."""
+    """What a robot needs of them. Those of the fleet are the same from every robot, but for what it admits itself."""
     if not robot.network_policies:
         return []
     shared, labels = needs_fleet_namespace(robot), owner_labels(robot.name)
-    # which calls the nodes that are registered with it
-    master = _addresses([urlsplit(robot.master.uri).hostname or ""])
-    outside = _blocks([*hosts.own, *robot.admits, *master])
+    # an external master calls the nodes that are registered with it
+    admitted = [*robot.admits, *_addresses([urlsplit(robot.master.uri).hostname or ""])]
     fleet = [_namespace(names.FLEET_NAMESPACE)] if shared else []
-    found = [_policy("robot", robot.namespace, labels, {}, [{"from": [SAME, *fleet, *outside]}])]
+    sources = [SAME, *fleet, *_blocks([*hosts.own, *admitted])]
+    found = [_policy("robot", robot.namespace, labels, {}, [{"from": sources}])]
     if shared:
-        rules = [{"from": [SAME, _namespaces_of_robots("Exists")]}]
-        found.append(_policy("fleet", names.FLEET_NAMESPACE, owner_labels(None), {}, rules))
-    if shared and outside:
-        found.append(_policy(robot.namespace, names.FLEET_NAMESPACE, labels, {}, [{"from": outside}]))
+        sources = [SAME, _namespaces_of_robots("Exists"), *_blocks(hosts.every)]
+        found.append(_policy("fleet", names.FLEET_NAMESPACE, owner_labels(None), {}, [{"from": sources}]))
+    if shared and admitted:
+        rules = [{"from": _blocks(admitted)}]
+        found.append(_policy(robot.namespace, names.FLEET_NAMESPACE, labels, {}, rules))
     door = {"from": [_namespace(names.OBSERVABILITY), *_blocks(hosts.servers)], "ports": [_tcp(names.KEEPER_PORT)]}
     labels = object_labels(names.KEEPER_NAME, context.master_owner(robot))
     selector = pod_selector(names.KEEPER_NAME)

@@ -24,10 +24,8 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 MASTER, KEEPER, TCPROS = 11311, 11411, 40123
 HOST1, HOST2, SERVER, LAPTOP, ANYBODY = "192.0.2.11", "192.0.2.12", "192.0.2.1", "198.51.100.7", "203.0.113.9"
 OVERLAY1, SERVERS_OVERLAY = "10.42.1.0", "10.42.0.0"
-HOSTS = {
-    "robot1": Hosts([f"{HOST1}/32", f"{OVERLAY1}/32"], [f"{SERVER}/32", f"{SERVERS_OVERLAY}/32"]),
-    "robot2": Hosts([f"{HOST2}/32"], [f"{SERVER}/32"]),
-}
+EVERY = [f"{one}/32" for one in (SERVER, SERVERS_OVERLAY, HOST1, OVERLAY1, HOST2)]
+HOSTS = {"robot1": Hosts(EVERY[2:4], EVERY[:2], EVERY), "robot2": Hosts(EVERY[4:], EVERY[:2], EVERY)}
 OF_NOBODY = {"observability": "observability", "shop": "shop"}  # namespaces that are no robot's
 
 
@@ -206,8 +204,8 @@ FLEET = Cluster(*(robot(app("talker"), MAP, name=name, master=SHARED) for name i
         ("observability/prometheus", "fleet/ros-keeper", KEEPER, True),
         ("observability/prometheus", "fleet/ros-master", MASTER, False),
         (SERVER, "fleet/ros-keeper", KEEPER, True),
-        (SERVER, "fleet/ros-master", MASTER, False),
-        (HOST1, "fleet/ros-master", MASTER, True),  # whatever asks for the graph over SSH
+        # whatever asks for the graph over SSH, and drivers with host_network
+        (HOST1, "fleet/ros-master", MASTER, True),
         (HOST2, "fleet/ros-master", MASTER, True),
         (HOST2, "robot-robot1/talker", TCPROS, False),
         (ANYBODY, "fleet/ros-master", MASTER, False),
@@ -218,14 +216,19 @@ def test_who_reaches_what_is_the_whole_fleet_s(sender: str, target: str, port: i
 
 
 def test_what_is_the_fleet_s_is_the_same_from_every_robot() -> None:
-    """But for what lets the robot's own hosts and networks in, which has the robot's name."""
+    """But for the networks that it admits itself, under the robot's name."""
     one, two = (robot(app("talker"), MAP, name=name, master=SHARED, admits=["::/0"]) for name in ("robot1", "robot2"))
-    servers = HOSTS["robot1"].servers
-    made = [network_policies(made, Hosts([], servers)) for made in (one, two)]
+    made = [network_policies(made, HOSTS[made.name]) for made in (one, two)]
     found = [[item for item in items if item["metadata"]["namespace"] == "fleet"] for items in made]
     names = [[item["metadata"]["name"] for item in items] for items in found]
     assert names == [["fleet", own, "ros-keeper", "map-server.ports"] for own in ("robot-robot1", "robot-robot2")]
     assert [item for item in found[0] if item not in found[1]] == [found[0][1]]
+
+
+def test_a_laptop_reaches_the_shared_master_of_a_robot_that_lists_it() -> None:
+    cluster = Cluster(robot(app("talker"), master=SHARED, admits=[f"{LAPTOP}/32"]))
+    assert cluster.passes(LAPTOP, "fleet/ros-master", MASTER)
+    assert not cluster.passes(ANYBODY, "fleet/ros-master", MASTER)
 
 
 def test_robots_of_another_master_do_not_reach_the_fleet_s_namespace_more_than_others() -> None:
