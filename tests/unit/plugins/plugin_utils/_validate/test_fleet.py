@@ -166,8 +166,8 @@ def test_unused_volume_and_moving_master_image_are_warned_of() -> None:
         ({"host_network": True}, {}, "hosts.robot1.ros_apps[0].host_network: no NetworkPolicy holds there: "
                                      "who reaches the host reaches the app"),
         ({}, {"ros_master_mode": "external", "ros_master_uri": "http://192.0.2.5:11311"},
-         "hosts.robot1.ros_master_uri: no NetworkPolicy holds for a master outside, and nodes outside reach the robot's "
-         "pods from networks in robot_namespace_admits alone"),
+         "hosts.robot1.ros_master_uri: no NetworkPolicy holds for a master outside, and nodes outside reach the "
+         "robot's pods from networks in robot_namespace_admits alone"),
     ],
 )  # fmt: skip
 def test_what_no_network_policy_holds_is_warned_of(app: dict[str, Any], robot: dict[str, Any], told: str) -> None:
