@@ -13,6 +13,7 @@ from typing import Any
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import NotReadyError
+from ..module_utils._step.objects import name_of
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.cluster import foreseen
 from ..plugin_utils._action.gated import GatedAction
@@ -23,10 +24,12 @@ from ..plugin_utils._kube.access import NoClusterError
 from ..plugin_utils._kube.applied import diff_of
 from ..plugin_utils._kube.client import Kube
 from ..plugin_utils._kube.running import Known
+from ..plugin_utils._model.context import Robot
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._model.formats import listed
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
+from ..plugin_utils._objects.network import UNKNOWN, Hosts, host_networks
 from ..plugin_utils._objects.parts import CODE, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.engine import Engine
@@ -115,6 +118,7 @@ class ActionModule(GatedAction):
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
         check, edge, look = bool(self._task.check_mode), self._edge_images(), None
+        robot = robot_from_vars(self._vars)
         if params["own"]:
             look = look_seconds(params["busy_timeout"], bool(self._before.get("since")))
         settings = Settings(
@@ -124,6 +128,7 @@ class ActionModule(GatedAction):
             ),
             check=check,
             code=CODE,
+            hosts=self._hosts(robot, kube),
             pull_secrets=self._pull_secrets(),
             look_timeout=look,
             since=self._before.get("since") or {},
@@ -135,7 +140,6 @@ class ActionModule(GatedAction):
                 "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
             )},
         )  # fmt: skip
-        robot = robot_from_vars(self._vars)
 
         def bring(there: RobotHost, wanted: Sequence[str]) -> None:
             """With those that are always wanted; what apps run by the inventory stays pinned."""
@@ -153,6 +157,24 @@ class ActionModule(GatedAction):
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome
+
+    def _hosts(self, robot: Robot, kube: Kube) -> Hosts:
+        """From where they send. A standalone robot is its only one, from which everything reaches its pods."""
+        if not robot.network_policies or robot.mode == "standalone":
+            return UNKNOWN
+        fleet = self._vars[VARIABLE]
+        part, edge = fleet["hosts"][self._host], fleet["edge_nodes"]
+        at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
+        own = [part["node"], *(edge if at_edge else ())]
+        servers = [fleet["hosts"][server]["node"] for server in part["servers"]]
+
+        def ask() -> dict[str, list[str]]:
+            return {name_of(node): host_networks(node) for node in kube.nodes()}
+
+        found = self._fetch(self._vars).networks(part["cluster"], {*own, *servers}, ask)
+        return Hosts(
+            *([one for node in nodes for one in found.get(node, ())] for nodes in (own, servers, sorted(found)))
+        )
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""

@@ -15,6 +15,7 @@ THIEF, VICTIM, EDGE = "robot1", "robot2", "edge1"
 KUBECTL = "k3s kubectl --kubeconfig /var/lib/rancher/k3s/agent/kubelet.kubeconfig"
 CA = "/var/lib/rancher/k3s/agent/server-ca.crt"
 LOCK = f"-n robot-{VICTIM}"
+RESTRICTED = "node-restriction.kubernetes.io/rosops-"
 SECONDS = 3.0  # for an answer; who is admitted has it at once
 
 CONNECT = """
@@ -45,8 +46,8 @@ MIRROR = json.dumps({
 
 # what a kubelet's certificate is tried for -> whose words refuse it
 OF_KUBELET = {
-    f"label node {THIEF} --overwrite node-restriction.kubernetes.io/rosops-placement=remote": "is not allowed to modify",
-    f"label node {THIEF} --overwrite node-restriction.kubernetes.io/rosops-robot={VICTIM}": "is not allowed to modify",
+    f"label node {THIEF} --overwrite {RESTRICTED}placement=remote": "is not allowed to modify labels",
+    f"label node {THIEF} --overwrite {RESTRICTED}robot={VICTIM}": "is not allowed to modify labels",
     f"label node {VICTIM} --overwrite mine=yes": "is not allowed to modify node",
     f"label node {EDGE} --overwrite mine=yes": "is not allowed to modify node",
     f"delete node {VICTIM}": "forbidden",

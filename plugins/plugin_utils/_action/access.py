@@ -13,7 +13,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from .leftovers import prefix, sweep
 LEADING = ("host", "kubeconfig", "context")  # options that say which API
 AWAY_SECONDS = 60.0  # a server that could not be reached is not tried again by every robot of its cluster
 CONNECT_SECONDS = 5.0
+Networks = Mapping[str, Sequence[str]]  # by node
 FAILURES = {one.__name__: one for one in (NoClusterError, ServersAwayError, KubeError)}
 
 
@@ -146,6 +147,16 @@ class Fetch:
 
     def _path(self, cluster: str, kind: str) -> Path:
         return self.directory / f"{prefix()}{cluster}.{kind}"
+
+    def networks(self, cluster: str, nodes: Collection[str], ask: Callable[[], Networks]) -> Networks:
+        """From where hosts send: what was asked for once in this run, and again for nodes that have joined since."""
+        path = self._path(cluster, "networks")
+        with self._alone(cluster):
+            found: Networks = json.loads(path.read_text("utf-8")) if path.exists() else {}
+            if not {*nodes} <= found.keys():
+                found = ask()
+                path.write_text(json.dumps(found), "utf-8")
+        return found
 
     @contextlib.contextmanager
     def _alone(self, cluster: str) -> Iterator[None]:

@@ -8,6 +8,7 @@ from ...module_utils._step.record import record_name
 
 MANAGER = words.MANAGER
 FLEET_NAMESPACE = words.FLEET
+OBSERVABILITY = "observability"  # the namespace of what watches a cluster
 MASTER_NAME = words.MASTER
 MASTER_PORT = 11311
 MASTER_CONTAINER = "ros-master-container"  # as in the dissertation's manifest, whose overrides keep working

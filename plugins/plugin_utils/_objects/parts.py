@@ -20,6 +20,7 @@ from .belongings import belongings
 from .common import Files
 from .master import keeper_objects, master_objects
 from .namespace import namespace_objects, pull_secret_objects, storage_objects
+from .network import UNKNOWN, Hosts, network_policies
 from .placement import is_placed
 from .pod_code import code_maps, pod_files
 from .pod_settings import full_name, rest_maps
@@ -42,12 +43,12 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 
 
 def ground_objects(
-    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Files
+    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Files, hosts: Hosts = UNKNOWN
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 
-    These are namespace, Secrets, claims, the code in the pods, what their keeper has to know, the files of versions to
-    come, apps' Services, and a keeper that keeps nothing of a master.
+    These are namespace, Secrets, who may reach the pods, claims, the code in the pods, what their keeper has to know,
+    the files of versions to come, apps' Services, and a keeper that keeps nothing of a master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """
@@ -56,6 +57,8 @@ def ground_objects(
         found += [*namespace_objects(robot), *pull_secret_objects(robot, pull_secrets)]
     elif MASTER in parts:
         found += keeper_access(robot)
+    if {NAMESPACE, MASTER, APPS} & {*parts}:
+        found += network_policies(robot, hosts)
     if STORAGE in parts:
         found += storage_objects(robot)
     if MASTER in parts or APPS in parts:

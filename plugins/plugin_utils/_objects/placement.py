@@ -57,6 +57,8 @@ RULES = {
     "add capabilities that a container has not anyway": "variables.containers.all(c, "
     f"c.?securityContext.capabilities.add.orValue([]).all(one, one in {[*CAPABILITIES]}))",
 }
+# Mirror pods of static ones. A kubelet may give one any namespace and any labels, those of another robot's master, too.
+KUBELETS = "a node makes no pods here"
 OPENED = f"robot_namespace_edge_host_access=true (the label {names.LABEL_HOST_ACCESS} of the namespace) allows it"
 OWN = f"on its robot's own node (nodeSelector {names.NODE_ROBOT}: NAME, in the namespace {PREFIX}NAME)"
 
@@ -64,6 +66,7 @@ OWN = f"on its robot's own node (nodeSelector {names.NODE_ROBOT}: NAME, in the n
 def pod_policy() -> list[Object]:
     """What bounds pods in the namespaces of robots and in the fleet's, whoever makes them."""
     told = [(f"variables.free || ({rule})", f"only a pod {OWN} may {what}; {OPENED}") for what, rule in RULES.items()]
+    told.append(("!request.userInfo.username.startsWith('system:node:')", KUBELETS))
     validations = [{"expression": rule, "message": words, "reason": "Forbidden"} for rule, words in told]
     return policy(NAME, ASKED, {"robots": WHERE}, VARIABLES, validations)
 

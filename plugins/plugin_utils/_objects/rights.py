@@ -24,6 +24,7 @@ from .common import PRIORITY, config_map, made, owner_labels
 from .placement import pod_policy
 
 RBAC, LEASES, SCHEDULING = "rbac.authorization.k8s.io", "coordination.k8s.io", "scheduling.k8s.io"
+NETWORK = "networking.k8s.io"
 
 
 def _rule(group: str, kinds: Sequence[str], verbs: Sequence[str], *names: str) -> Object:
@@ -56,6 +57,7 @@ IN_NAMESPACES = (
     _rule("apps", ["deployments"], WRITE),
     _rule("apps", ["replicasets"], READ),
     _rule(RBAC, ["roles", "rolebindings"], WRITE),
+    _rule(NETWORK, ["networkpolicies"], WRITE),
 )
 # It writes nothing there. A status shows what is anywhere; a claim's class and a node are in no namespace.
 IN_CLUSTER = (

@@ -8,12 +8,13 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from ...module_utils._common.errors import SpecError
+from .._model import names
 from .._model.formats import quantity_value
 from .._model.role_specs import completed, role_options
 
 Spec = Mapping[str, Any]  # the role's variables
 
-NAMESPACE = "observability"
+NAMESPACE = names.OBSERVABILITY
 ROBOT, HUB = "robot", "hub"  # profiles
 HUB_METRICS, HUB_LOGS = "hub_metrics_port", "hub_logs_port"  # variables
 # Of each part that may end up on the cluster: what a profile, or a switch, no longer wants is taken away.

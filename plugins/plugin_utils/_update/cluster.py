@@ -25,6 +25,7 @@ from .._kube.wait import WaitOptions, wait_for_rollout
 from .._model import names
 from .._model.context import Robot, master_namespace
 from .._objects.namespace import needs_fleet_namespace
+from .._objects.network import API, KIND
 from .._objects.placement import CHOOSES, node_selector
 from .world import HeldError, Live, LostError, Object, ticking
 
@@ -32,7 +33,8 @@ RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 TAKE_PAUSE = 0.5  # seconds between two looks whether another run's Lease is renewed
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
-KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
+# in the order of Live's fields
+KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1", KIND: API}
 
 
 def run_name(known: Mapping[str, object]) -> str:
@@ -68,7 +70,7 @@ class KubeCluster:
         for (kind, _namespace), items in zip(wanted, lists, strict=True):
             # the items of a list do not say what they are
             found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
-        return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
+        return Live(*found.values())
 
     def unlabelled(self, robot: Robot) -> bool:
         """Whether nodes of its pods are known by the labels of 1.0 alone: the role node was not there since."""

@@ -35,7 +35,16 @@ from .cluster import KubeCluster
 from .hands import Hands, Settings, World
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, placed, promised, rendered, update_plan
-from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
+from .revisions import (
+    claim_users,
+    deployments_of,
+    files_owner,
+    key_of,
+    lost_services,
+    suspects,
+    unused,
+    unwanted_policies,
+)
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
 
@@ -198,8 +207,11 @@ class Engine(Hands):
         settings, request = self.settings, self.settings.request
         self.robot = placed(located(self.robot, self.live), self.live, self.unlabelled)
         self.desired = rendered(self.robot)
-        self.ground = ground_objects(self.robot, request.parts, settings.pull_secrets, settings.code)
-        self.plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
+        secrets, code, hosts = settings.pull_secrets, settings.code, settings.hosts
+        self.ground = ground_objects(self.robot, request.parts, secrets, code, hosts)
+        plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
+        unwanted = unwanted_policies(self.robot, self.live, self.ground, plan.orphans)
+        self.plan = replace(plan, remnants=[*plan.remnants, *unwanted])
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:

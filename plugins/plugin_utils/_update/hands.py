@@ -17,6 +17,7 @@ from .._model import names
 from .._model.context import Robot, master_namespace, master_uri
 from .._objects.common import Files
 from .._objects.namespace import needs_fleet_namespace
+from .._objects.network import UNKNOWN, Hosts
 from .._objects.pod_settings import promised
 from .cluster import KubeCluster
 from .host import RobotSide
@@ -55,6 +56,7 @@ class Settings:
     rate_seconds: float = 1.0
     check: bool = False
     code: Files = field(default_factory=dict)  # what runs in the pods
+    hosts: Hosts = UNKNOWN  # from where they reach the robot's pods
     pull_secrets: Sequence[Mapping[str, object]] = ()  # items of robot_namespace_pull_secrets
     remove_claims: Sequence[str] = ()  # names of volumes whose claims go, with their data
     remove_confirm: bool = False

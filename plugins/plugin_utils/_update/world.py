@@ -41,12 +41,13 @@ class CancelledError(FleetError):
 
 @dataclass(frozen=True)
 class Live:
-    """What the API shows of a robot: its Deployments, and the ConfigMaps, Services and pods that are ours."""
+    """What the API shows of a robot: its Deployments, and what else is ours there."""
 
     deployments: Sequence[Object] = ()
     maps: Sequence[Object] = ()
     services: Sequence[Object] = ()
     pods: Sequence[Object] = ()
+    policies: Sequence[Object] = ()
 
     @functools.cached_property
     def records(self) -> Mapping[str, Record]:

@@ -32,6 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.network import network_policies
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import MAYBE_UNPROVEN
@@ -133,7 +134,7 @@ class Simulation(SimulatedRobot):
         self.install_objects(robot, app_objects(robot))
 
     def install_objects(self, robot: Robot, apps: Sequence[Object]) -> None:
-        ground = [*namespace_objects(robot), *code_maps(robot, {}), *rest_maps(robot)]
+        ground = [*namespace_objects(robot), *network_policies(robot), *code_maps(robot, {}), *rest_maps(robot)]
         first = [*ground, *master_objects(robot), *apps]
         for item in first:
             self.put(item)
@@ -502,12 +503,13 @@ class SimulatedCluster:
 
     def read(self, namespaces: Iterable[str]) -> Live:
         with self.sim.call("read", 0.2):
-            found: dict[str, list[Object]] = {"Deployment": [], "ConfigMap": [], "Service": []}
+            kinds = ("Deployment", "ConfigMap", "Service", "NetworkPolicy")
+            found: dict[str, list[Object]] = {kind: [] for kind in kinds}
             for (kind, namespace, _name), item in self.sim.objects.items():
                 if kind in found and namespace in namespaces:
                     found[kind].append({key: value for key, value in item.items() if key != "applied"})
             pods = [pod_object(pod) for pod in self.sim.pods if not pod.gone]
-            return Live(found["Deployment"], found["ConfigMap"], found["Service"], pods)
+            return Live(found["Deployment"], found["ConfigMap"], found["Service"], pods, found["NetworkPolicy"])
 
     @contextlib.contextmanager
     def claim(self, _namespace: str) -> Iterator[None]:

@@ -11,6 +11,7 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -86,6 +87,77 @@ def test_claims_go_when_that_is_confirmed(server: Server, api: dict[str, Any]) -
     assert update(api, "storage", storage_remove_claims=["old"], storage_remove_confirm=True)["changed"]
     assert not server.find(f"{CLAIMS}/old-pvc")
     assert server.find(f"{CLAIMS}/data-pvc")
+
+
+# --- who reaches its pods -------------------------------------------------------------------------------------------
+
+POLICIES = "/apis/networking.k8s.io/v1/namespaces/robot-robot1/networkpolicies"
+NODES = "/api/v1/nodes"
+
+
+def node(server: Server, name: str, address: str, pods: str) -> None:
+    status = {"addresses": [{"type": "InternalIP", "address": address}]}
+    server.put(f"{NODES}/{name}", {"metadata": {}, "spec": {"podCIDRs": [pods]}, "status": status})
+
+
+def sources(server: Server, name: str) -> list[str]:
+    [rule] = server.find(f"{POLICIES}/{name}")["spec"]["ingress"]
+    return [one["ipBlock"]["cidr"] for one in rule["from"] if "ipBlock" in one]
+
+
+def times_asked(server: Server) -> int:
+    return sum(server.requests.get()[0] == NODES for _request in range(server.requests.qsize()))
+
+
+def test_from_where_hosts_send_is_asked_for_once(server: Server, api: dict[str, Any]) -> None:
+    """And again where a node has joined since; of the robot's own host, and of servers at the keeper's door."""
+    node(server, "edge1", "192.0.2.1", "10.42.0.0/24")
+    node(server, "robot1", "192.0.2.11", "10.42.1.0/24")
+    assert outcome(update(api, "namespace"))["outcome"] == "updated"
+    assert sources(server, "robot") == ["192.0.2.11/32", "10.42.1.0/32", "10.42.1.1/32"]
+    assert sources(server, "ros-keeper") == ["192.0.2.1/32", "10.42.0.0/32", "10.42.0.1/32"]
+    again = update(api, "namespace")
+    assert (again["changed"], times_asked(server)) == (False, 1)
+    node(server, "robot2", "192.0.2.12", "10.42.2.0/24")
+    other = fleet_of(ROBOT, robot(APP, name="robot2"))
+    update(api, "namespace", **other, inventory_hostname="robot2")
+    assert times_asked(server) == 1
+    update(api, "namespace", **other, inventory_hostname="robot2")
+    assert times_asked(server) == 0
+
+
+@pytest.mark.parametrize(("where", "edge"), [({"host_network": True}, ["192.0.2.1/32"]), ({"placement": "local"}, [])])
+def test_what_runs_on_the_network_of_edge_hosts_reaches_its_robot(
+    server: Server, api: dict[str, Any], where: dict[str, Any], edge: list[str]
+) -> None:
+    node(server, "edge1", "192.0.2.1", "")
+    node(server, "robot1", "192.0.2.11", "")
+    update(api, "namespace", **fleet_of(robot({**APP, **where})))
+    assert sources(server, "robot") == ["192.0.2.11/32", *edge]
+
+
+@pytest.mark.parametrize("more", [{"mode": "standalone"}, {"network_policies": False}])
+def test_where_nobody_has_to_know_it_is_not_asked_for(
+    server: Server, api: dict[str, Any], more: dict[str, Any]
+) -> None:
+    """What comes from a pod's own node reaches it anyway."""
+    made = fleet_of(robot(APP, **more))
+    name = made["fleet"]["hosts"]["robot1"]["cluster"]
+    server.put("/api/v1/namespaces/kube-system/configmaps/rosops-fleet", Identity("production", name).as_object())
+    assert outcome(update(api, "namespace", **made))["outcome"] == "updated"
+    assert times_asked(server) == 0
+
+
+def test_policies_that_are_switched_off_go(server: Server, api: dict[str, Any]) -> None:
+    update(api, "namespace")
+    off = fleet_of(robot(APP, network_policies=False))
+    told = update(api, "namespace", check_mode=True, **off)
+    gone = [entry["before_header"] for entry in told["diff"]]
+    assert gone == ["NetworkPolicy robot-robot1/robot", "NetworkPolicy robot-robot1/ros-keeper"]
+    assert server.find(f"{POLICIES}/robot")
+    assert outcome(update(api, "namespace", **off))["reason"] == ", ".join(gone)
+    assert not server.lists[POLICIES]
+    assert not update(api, "namespace", **off)["changed"]
 
 
 # --- what cannot go well --------------------------------------------------------------------------------------------

@@ -49,11 +49,12 @@ def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     policies = ("rosops-fleet-keeper", "rosops-fleet-pods")
     policy = ["PriorityClass rosops-fleet", *(f"{kind} {name}" for name in policies for kind in POLICIES)]
     keeper = [*policy, *(f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding"))]
+    closed = ["NetworkPolicy robot", "NetworkPolicy ros-keeper"]
     assert ground == {
-        "namespace": ["Namespace robot-robot1", *keeper, "Secret pull"],
+        "namespace": ["Namespace robot-robot1", *keeper, "Secret pull", *closed],
         "storage": ["PersistentVolumeClaim data-pvc"],
-        "master": [*keeper, "ConfigMap rosops-code", "ConfigMap robot-rest"],
-        "apps": ["ConfigMap rosops-code", "ConfigMap robot-rest"],
+        "master": [*keeper, *closed, "ConfigMap rosops-code", "ConfigMap robot-rest"],
+        "apps": [*closed, "ConfigMap rosops-code", "ConfigMap robot-rest"],
         "ready": [],
     }
     external = robot(master={"mode": "external", "uri": "http://h:11311"})

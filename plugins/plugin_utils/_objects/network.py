@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who reaches a robot's pods: the NetworkPolicies of its namespace, and of the namespace `fleet`. Pure.
+
+Within a robot everything is open, as ROS 1 takes any port. Other robots reach nothing. What a host sends has an address
+of the host and is no pod's: that of the robot's own hosts may go anywhere (a look at the graph over SSH, apps with
+host_network), that of the cluster's servers to the keeper's door (`_kube/door.py`). A pod's own node reaches it in any
+case. What pods send is not bounded.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from ipaddress import ip_address, ip_network
+from itertools import islice
+from urllib.parse import urlsplit
+
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import App
+from .._model.context import Robot
+from .app import app_deployment
+from .belongings import owner_of
+from .common import made, object_labels, owner_labels, pod_selector
+from .namespace import needs_fleet_namespace
+from .rights import NETWORK
+
+KIND, API = "NetworkPolicy", f"{NETWORK}/v1"
+SAME: Object = {"podSelector": {}}  # all of the policy's own namespace
+
+
+@dataclass(frozen=True)
+class Hosts:
+    """Networks from which hosts send: those of the robot's own pods, the servers of its cluster, and all of these."""
+
+    own: Sequence[str] = ()
+    servers: Sequence[str] = ()
+    every: Sequence[str] = ()
+
+
+UNKNOWN = Hosts()
+
+
+def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
+    """What a robot needs of them. Those of the fleet are the same from every robot, but for what it admits itself."""
+    if not robot.network_policies:
+        return []
+    shared, labels = needs_fleet_namespace(robot), owner_labels(robot.name)
+    # an external master calls the nodes that are registered with it
+    admitted = [*robot.admits, *_addresses([urlsplit(robot.master.uri).hostname or ""])]
+    fleet = [_namespace(names.FLEET_NAMESPACE)] if shared else []
+    sources = [SAME, *fleet, *_blocks([*hosts.own, *admitted])]
+    found = [_policy("robot", robot.namespace, labels, {}, [{"from": sources}])]
+    if shared:
+        sources = [SAME, _namespaces_of_robots("Exists"), *_blocks(hosts.every)]
+        found.append(_policy("fleet", names.FLEET_NAMESPACE, owner_labels(None), {}, [{"from": sources}]))
+    if shared and admitted:
+        rules = [{"from": _blocks(admitted)}]
+        found.append(_policy(robot.namespace, names.FLEET_NAMESPACE, labels, {}, rules))
+    door = {"from": [_namespace(names.OBSERVABILITY), *_blocks(hosts.servers)], "ports": [_tcp(names.KEEPER_PORT)]}
+    labels = object_labels(names.KEEPER_NAME, context.master_owner(robot))
+    selector = pod_selector(names.KEEPER_NAME)
+    found.append(_policy(names.KEEPER_NAME, context.master_namespace(robot), labels, selector, [door]))
+    return [*found, *(one for app in robot.apps for one in _of_app(app, robot))]
+
+
+def _of_app(app: App, robot: Robot) -> Iterator[Object]:
+    """Its ports, by the names that each version has for its own ones, and those that show its metrics."""
+    outside: list[Object] = []
+    inside: list[Object] = []
+    for port in app.ports:
+        of_hosts = port.node_port or port.host_port
+        (outside if of_hosts else inside).append({"port": port.name, "protocol": port.protocol})
+    rules: list[Object] = [
+        {"ports": outside},
+        {"from": [_namespaces_of_robots("DoesNotExist")], "ports": inside},
+        {"from": [_namespace(names.OBSERVABILITY)], "ports": [_tcp(port) for port in _scraped(app, robot)]},
+    ]
+    rules = [rule for rule in rules if rule["ports"]]  # without a port it would be a rule for all ports
+    if rules:
+        labels = object_labels(app.name, owner_of(app, robot))
+        name = f"{app.name}.ports"  # an app's name has no dot, so that no app is called as another policy
+        yield _policy(name, context.namespace_of(app, robot), labels, pod_selector(app.name), rules)
+
+
+def _scraped(app: App, robot: Robot) -> list[int]:
+    """Where its metrics are asked for, as `_observability/scrape.yml.j2` has it."""
+    template = app_deployment(app, robot)["spec"]["template"]
+    notes = template["metadata"]["annotations"]
+    if notes.get("prometheus.io/scrape") != "true":
+        return []
+    said = str(notes.get("prometheus.io/port", ""))
+    ports = [port["containerPort"] for one in template["spec"]["containers"] for port in one.get("ports") or ()]
+    return [int(said)] if said.isdecimal() else ports
+
+
+# --- hosts ------------------------------------------------------------------------------------------------------------
+
+
+def host_networks(node: Object) -> list[str]:
+    """From where a node's host sends to pods of other nodes, as far as the node says what can be read.
+
+    That is its own address, or the first of its pods' network, which flannel's device has, or the second, the bridge's.
+    """
+    told = (node.get("status") or {}).get("addresses") or ()
+    found = [str(one.get("address")) for one in told if one.get("type") == "InternalIP"]
+    for text in (node.get("spec") or {}).get("podCIDRs") or ():
+        with contextlib.suppress(ValueError):
+            found += map(str, islice(ip_network(text), 2))
+    return _addresses(found)
+
+
+def _addresses(texts: Iterable[str]) -> list[str]:
+    """Those that are addresses, each as a network."""
+    found: list[str] = []
+    for text in texts:
+        with contextlib.suppress(ValueError):
+            found.append(str(ip_network(ip_address(text))))
+    return found
+
+
+# --- the parts of a policy --------------------------------------------------------------------------------------------
+
+
+def _policy(name: str, namespace: str, labels: dict[str, str], pods: dict[str, str], rules: Sequence[Object]) -> Object:
+    selector = {"matchLabels": pods} if pods else {}
+    spec = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [*rules]}
+    return made(API, KIND, name, namespace, labels, spec=spec)
+
+
+def _namespace(name: str) -> Object:
+    return {"namespaceSelector": {"matchLabels": {"kubernetes.io/metadata.name": name}}}
+
+
+def _namespaces_of_robots(operator: str) -> Object:
+    return {"namespaceSelector": {"matchExpressions": [{"key": names.LABEL_ROBOT, "operator": operator}]}}
+
+
+def _blocks(networks: Iterable[str]) -> list[Object]:
+    return [{"ipBlock": {"cidr": one}} for one in dict.fromkeys(networks)]
+
+
+def _tcp(port: int) -> Object:
+    return {"port": port, "protocol": "TCP"}
