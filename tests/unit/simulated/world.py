@@ -588,14 +588,15 @@ class SimulatedCluster:
         there, pods = sim.deployment(key), sim.of(key)
         if there is None:
             return WAIT, f"{key} is not there"
+        wanted = kubernetes_hash(there)
         for pod in pods:
             started_again = whole and pod.restarts > self.earlier.get(pod.uid, 0)
-            if pod.hash == kubernetes_hash(there) and (pod.hopeless or started_again or looping(pod)):
+            if pod.hash == wanted and (pod.hopeless or started_again or looping(pod)):
                 return FAIL, pod.hopeless or f"{key} crashes"
-        if [pod.hash for pod in pods] == [kubernetes_hash(there)] and pods[0].ready:
+        if [pod.hash for pod in pods] == [wanted] and pods[0].ready:
             return PASS, ""
         ready_only = "minReadySeconds" in there["spec"]
-        new = [pod for pod in pods if pod.hash == kubernetes_hash(there)]
+        new = [pod for pod in pods if pod.hash == wanted]
         if begun and any(pod.ready or (not ready_only and (pod.waits or pod.up)) for pod in new):
             return PASS, ""
         return WAIT, f"{key} is not rolled out"

@@ -78,7 +78,9 @@ def test_nothing_of_ours_needs_another_host(mode: str, where: str) -> None:
 def test_the_policy_says_which_rule_it_is_and_how_to_open_it() -> None:
     policy, binding = pod_policy()
     assert policy["spec"]["failurePolicy"] == "Fail" and binding["spec"]["validationActions"] == ["Deny"]
-    for rule in policy["spec"]["validations"]:
+    *of_hosts, of_nodes = policy["spec"]["validations"]
+    assert of_nodes["message"] == "a node makes no pods here"
+    for rule in of_hosts:
         assert rule["message"].startswith(
             "only a pod on its robot's own node (nodeSelector node-restriction.kubernetes"
         )
