@@ -181,6 +181,19 @@ def test_what_is_the_cluster_s_is_written_only_where_it_is_not_as_it_should_be(s
     assert [one.changed for one in kube.apply([POLICY], dry_run=True)] == [True]
 
 
+def test_a_condition_that_somebody_put_beside_those_of_a_policy_goes(server: Server, kube: Kube) -> None:
+    mine, theirs = ({"name": name, "expression": name} for name in ("keepers", "false"))
+    wanted = {**POLICY, "spec": {"matchConditions": [mine]}}
+    beside = {"f:spec": {"f:matchConditions": {'k:{"name":"false"}': {".": {}, "f:name": {}, "f:expression": {}}}}}
+    fields = [{"manager": "kubectl-edit", "operation": "Update", "fieldsV1": beside}]
+    there = {"metadata": {**POLICY["metadata"], "managedFields": fields}, "spec": {"matchConditions": [mine, theirs]}}
+    server.put(f"{POLICIES}/keepers", {**POLICY, **there})
+    assert [one.changed for one in kube.apply([wanted], dry_run=True)] == [True]
+    kube.apply([wanted])
+    (entry,) = server.find(f"{POLICIES}/keepers")["metadata"]["managedFields"]
+    assert (entry["manager"], entry["fieldsV1"]) == ("rosops.fleet", beside)  # what we have and do not apply goes
+
+
 @pytest.mark.parametrize("reads", [True, False])
 def test_who_may_not_write_it_is_told_who_may(server: Server, kube: Kube, reads: bool) -> None:
     (server.write_refusals if reads else server.refusals).append((403, "forbidden"))
