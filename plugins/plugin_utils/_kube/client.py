@@ -75,8 +75,7 @@ class Kube(ApiConnection):
             try:
                 fenced = ref.kind in FENCED and not dry_run
                 before = present[ref] if ref in present and not fenced else self.get(ref)
-                as_wanted = before and is_in(obj, before) and not foreign_fields(before, obj, MANAGER)
-                if ref.kind in OF_CLUSTER and as_wanted:
+                if ref.kind in OF_CLUSTER and before and _is_as_wanted(before, obj):
                     done.append(applied(ref, before, before))
                     continue
                 done.append(applied(ref, before, self._applied(ref, obj, before, dry_run)))
@@ -191,3 +190,9 @@ def ref_of(obj: Object) -> Ref:
         raise KubeError(
             f"This is no full definition of a Kubernetes object ({exc} is missing): {str(obj)[:200]}"
         ) from exc
+
+
+def _is_as_wanted(there: Object, wanted: Object) -> bool:
+    """With nobody beside its subjects, of which the API server keeps no owners, and nothing beside its spec."""
+    alone = len(there.get("subjects") or ()) == len(wanted.get("subjects") or ())
+    return alone and is_in(wanted, there) and not foreign_fields(there, wanted, MANAGER)

@@ -194,6 +194,17 @@ def test_a_condition_that_somebody_put_beside_those_of_a_policy_goes(server: Ser
     assert (entry["manager"], entry["fieldsV1"]) == ("rosops.fleet", beside)  # what we have and do not apply goes
 
 
+def test_an_account_that_somebody_put_beside_ours_loses_our_rights(server: Server, kube: Kube) -> None:
+    ours, theirs = ({"kind": "ServiceAccount", "name": name, "namespace": "kube-system"} for name in ("a", "b"))
+    metadata, kind = {"name": "keepers"}, "ClusterRoleBinding"
+    wanted = {"apiVersion": "rbac.authorization.k8s.io/v1", "kind": kind, "metadata": metadata, "subjects": [ours]}
+    there = f"/apis/rbac.authorization.k8s.io/v1/{kind.lower()}s/keepers"
+    server.put(there, {**wanted, "subjects": [ours, theirs]})
+    assert [one.changed for one in kube.apply([wanted])] == [True]
+    assert server.find(there)["subjects"] == [ours]
+    assert [one.changed for one in kube.apply([wanted])] == [False]
+
+
 @pytest.mark.parametrize("reads", [True, False])
 def test_who_may_not_write_it_is_told_who_may(server: Server, kube: Kube, reads: bool) -> None:
     (server.write_refusals if reads else server.refusals).append((403, "forbidden"))
