@@ -37,7 +37,6 @@ BESIDE = {  # file -> other files of its room whose tests are its own, too
     "change": ["host_change", "app_change_install", "app_change"],
     "checks": ["gate"],
     "hands": ["app_change_install"],
-    "lifecycle": ["app_change_install", "app_change_removal"],
     "manifests": ["step", "app_change"],
     "nodes": ["step"],
     "revisions": ["plan"],

@@ -27,7 +27,7 @@ RUN = {
     r"PLAY site --tags k3s( --check)?": "tests/update/test_4_k3s.py"
     "::test_check_mode_and_a_second_run_start_no_k3s_anew",
     r"PLAY site --tags observability": "tests/observability/test_8_shipper.py::test_off_and_on_again",
-    r"PLAY status( LIMIT)?": "tests/update/test_5_doors.py::test_from_an_empty_home",
+    r"PLAY status( LIMIT)?": "tests/update/test_8_awx.py::test_the_account_for_awx_is_enough",
     r"PLAY update": f"{UPDATE}::test_twelve_apps_on_two_robots_in_one_run",
     r"PLAY update --check --diff": f"{UPDATE}::test_check_mode_says_what_would_change_and_changes_nothing",
     r"PLAY update -e '\{\"update_waves\": [^']*\}' -e update_failure_budget=0": "tests/update/test_2_bad_versions.py"

@@ -59,20 +59,6 @@ def test_version_that_crashes_later(fleet: Fleet) -> None:
     fleet.watch().assert_nothing_lost("robot1", goals=False)
 
 
-def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
-    """The budget allows one failure, so the other robot is updated."""
-    before, watch = fleet.running(), fleet.watch()
-    good = fleet.new_version("robot2", "temperature")
-    both = fleet.new_version("robot1", "temperature", on=good, NEVER_CONNECT="true")
-    fleet.update(both, update_waves=[1, "100%"], update_failure_budget=1, **PATIENCE).must(
-        2, robot1="rolled-back", robot2="updated"
-    )
-    fleet.assert_taken_back(before)
-    assert fleet.running()["robot2"]["temperature"] != before["robot2"]["temperature"]
-    watch.assert_nothing_lost(goals=False)
-    fleet.accept(good)
-
-
 def test_service_that_crashes_after_it_registered(fleet: Fleet) -> None:
     """The last registration wins in ROS 1, so a request may meet the new server just as it dies. That is not hidden."""
     before, revisions = fleet.running(), fleet.revisions()["robot1"]

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from fleet import LIMIT, Fleet
 
@@ -48,21 +46,3 @@ def test_cluster_of_another_fleet_is_refused(fleet: Fleet) -> None:
     assert "temperature" not in str(run.outcomes), run
     assert versions() == before
     fleet.assert_still_running(pods)
-
-
-def test_from_an_empty_home(fleet: Fleet, tmp_path: Path) -> None:
-    home = {"HOME": str(tmp_path), "ANSIBLE_HOME": str(tmp_path / "ansible")}
-    wanted = fleet.new_version("robot1", "temperature")
-    watch = fleet.watch()
-    fleet.playbooks.run("update", wanted, *LIMIT, **home).must(0, robot1="updated")
-    fleet.accept(wanted)
-    looked = fleet.playbooks.run("status", wanted, "-v", "--limit", "robot1", **home).must(0)
-    assert "temperature" in looked.output, looked.output[-3000:]
-    fleet.playbooks.run("rollback", {**wanted, "update_apps": ["temperature"]}, "--limit", "robot1", **home).must(
-        0, robot1="updated"
-    )
-    watch.assert_nothing_lost("robot1")
-    left = [
-        path for path in tmp_path.rglob("*") if path.is_file() and b"certificate-authority-data" in path.read_bytes()
-    ]
-    assert left == []

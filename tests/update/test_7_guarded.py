@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tasks of a user's own behind the gate: a robot at work, tasks that fail, a run that is killed in them."""
+"""Tasks of a user's own behind the gate: tasks that fail, and a reboot of a robot at work."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from cluster import LAB
-from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
+from fleet import ROBOTS, Fleet
 from runs import Run
 from test_3_interrupted import wait_for_new_goal
 
@@ -35,11 +35,6 @@ REBOOTS = """
   delegate_to: localhost
 - name: Wait until it is there
   ansible.builtin.wait_for_connection: {timeout: 120}
-"""
-LASTS = f"""
-{DONE}
-- name: Take a while
-  ansible.builtin.pause: {{seconds: 120}}
 """
 
 
@@ -86,32 +81,6 @@ def test_tasks_are_proven_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any)
     assert marked(fleet) == []
     fleet.assert_still_running(pods)
     watch.assert_nothing_lost()
-
-
-def test_tasks_wait_for_a_robot_at_work(fleet: Fleet, tasks: Any) -> None:
-    normal = fleet.variables
-    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), *LIMIT).must(0)
-    watch, pods = fleet.watch(), fleet.running()
-    wait_for_new_goal(fleet, "robot1")
-    # a goal of robot1 takes half a minute; those of robot2 are short, and there is time between them
-    run = guarded(fleet, tasks(DONE), update_busy_timeout=8, **ALL_AT_ONCE)
-    run.must(2, robot1="deferred-busy", robot2="updated")
-    assert marked(fleet) == ["robot2"]
-    fleet.assert_still_running(pods)
-    fleet.update(normal, *LIMIT).must(0)  # a goal under way ends soon, and is counted
-    watch.assert_nothing_lost()
-
-
-def test_after_a_run_that_was_killed_in_the_tasks_the_next_one_has_the_robot(fleet: Fleet, tasks: Any) -> None:
-    variables = {**fleet.variables, "guarded_tasks": tasks(LASTS)}
-    running = fleet.playbooks.start("guarded", variables, "--limit", "robot2,edge1")
-    running.wait_for("Pausing for 120 seconds")  # the name of the task comes after it
-    beside = fleet.update(fleet.new_version("robot2", "temperature"), "--limit", "robot2,edge1")
-    assert beside.outcomes["robot2"] == "deferred-busy", beside
-    assert "changes this robot since" in beside.host("robot2")["reason"], beside
-    running.kill()
-    guarded(fleet, tasks(DONE), "--limit", "robot2,edge1").must(0)
-    assert marked(fleet) == ["robot2"]
 
 
 def test_a_reboot_waits_for_the_robot_to_rest_and_is_proven(fleet: Fleet, tasks: Any) -> None:

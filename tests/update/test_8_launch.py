@@ -105,22 +105,6 @@ def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) 
     watch.assert_nothing_lost("robot1")
 
 
-def test_what_cannot_be_beside_the_version_at_work_is_refused(fleet: Fleet, nine: Variables) -> None:
-    installed(fleet, nine)
-    watch = fleet.watch()
-    other = with_launch(fleet, args={"area": "yard"})  # which nodes of the version at work read, too
-    run = fleet.update(other, *LIMIT, update_ready_timeout=30)
-    assert run.outcomes["robot1"] == "rolled-back", run
-    assert "/area would change under the version at work" in run.host("robot1")["reason"], run
-    watch.assert_nothing_lost("robot1")
-    before = fleet.running()
-    run = fleet.update(with_launch(fleet, replace=[]), *LIMIT)
-    assert run.outcomes["robot1"] == "failed", run
-    wanted = "serves the action /prime_factors, of which two servers lose goals: list /factors in launch.replace"
-    assert wanted in run.host("robot1")["reason"], run
-    fleet.assert_still_running(before)
-
-
 @pytest.mark.parametrize(("hooks", "times"), [("sidecar", 3), ("app", 10)])
 def test_updates_of_a_launch_file_one_after_the_other(fleet: Fleet, nine: Variables, hooks: str, times: int) -> None:
     """With the figures at the end: copies, and how long nothing came."""

@@ -99,20 +99,6 @@ def test_rollout_restart(fleet: Fleet, apps: list[str]) -> None:
     unchanged(fleet)
 
 
-def test_rollout_restart_of_what_was_only_just_found_good(fleet: Fleet) -> None:
-    """In its soak: the keeper takes nothing back, and proves it."""
-    watch = fleet.watch()
-    wanted = fleet.new_version("robot1", PUBLISHER)
-    fleet.update(wanted, *LIMIT, update_soak=33).must(0, robot1="updated")
-    before = fleet.pods()["robot1"]
-    kubectl(fleet, f"rollout restart {deployments([PUBLISHER])}")
-    replaced(fleet, [PUBLISHER], before)
-    said = f"{PUBLISHER} was good for 33 s: proven"
-    wait_until(lambda: fleet.cluster.keeper_log("robot1"), lambda log: said in log, SECONDS, said, pause=5)
-    watch.assert_nothing_lost("robot1")
-    unchanged(fleet)
-
-
 @pytest.mark.parametrize("app", [PUBLISHER, SUBSCRIBER, SERVICE])
 def test_set_image(fleet: Fleet, app: str) -> None:
     """The same image by another name: the template is another one, and what our hashes say of it is as before."""

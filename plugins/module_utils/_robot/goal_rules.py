@@ -237,14 +237,11 @@ class Hold:
 
 
 def from_dict(data: Any, now: float) -> Hold:
-    """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again.
-
-    An older version kept moments instead of seconds: its goals go to whatever server is there.
-    """
-    hold = Hold(data["action"], data["node"], data["old_uri"], now + data.get("seconds", 0.0))
+    """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again."""
+    hold = Hold(data["action"], data["node"], data["old_uri"], now + data["seconds"])
     hold.forwarded = data["forwarded"]
     for item in data["goals"]:
         stamp = (int(item["stamp"][0]), int(item["stamp"][1]))
         body = base64.b64decode(item["body"])
-        hold.goals[item["id"]] = Goal(item["id"], stamp, body, now - item.get("age", 0.0), cancelled=item["cancelled"])
+        hold.goals[item["id"]] = Goal(item["id"], stamp, body, now - item["age"], cancelled=item["cancelled"])
     return hold

@@ -208,7 +208,7 @@ def from_dict(data: Any, now: float) -> Memory:
         return Memory(
             tuple(data["master"]),
             {node: registrations.from_dict(entry) for node, entry in data["nodes"].items()},
-            {node: (registrations.from_dict(entry), now) for node, (entry, *_at) in data["removed"].items()},
+            {node: (registrations.from_dict(entry), now) for node, (entry,) in data["removed"].items()},
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         return Memory()

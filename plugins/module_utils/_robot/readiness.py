@@ -23,7 +23,7 @@ from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
 from .._ros.registrar import Registrar
-from .._step.objects import Object, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
+from .._step.objects import Object, address_of, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
 from .cluster_api import ApiError, Cluster
@@ -77,10 +77,6 @@ def settings_of(pod: Object) -> Settings:
     }
     plain = load_settings(known)
     return load_settings({**known, "ROSOPS_NODE_NAME": f"{plain.node.rpartition('/')[2]}_{plain.version}"})
-
-
-def address_of(pod: Object) -> str:
-    return str((pod.get("status") or {}).get("podIP") or "")
 
 
 # ---- doing it

@@ -77,12 +77,16 @@ def revision_of_pod(pod: Object) -> str:
     return str(labels_of(pod).get(REVISION) or annotations_of(pod).get(HASH, "")[:8])
 
 
+def address_of(pod: Object) -> str:
+    return str((pod.get("status") or {}).get("podIP") or "")
+
+
 def has_node(pod: Object, node: str, uri: str) -> bool:
     """Whether a node is in a pod: by its address, or where that is its host's, and so everybody's there, by the name
     that the pod is known by."""
     if (pod.get("spec") or {}).get("hostNetwork"):
         return annotations_of(pod).get(NODE) == node
-    return bool(host_of(uri)) and (pod.get("status") or {}).get("podIP") == host_of(uri)
+    return address_of(pod) == host_of(uri) != ""
 
 
 def is_ready(pod: Object) -> bool:

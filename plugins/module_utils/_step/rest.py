@@ -7,7 +7,7 @@ from typing import Collection, Iterable, Mapping
 
 from .._ros.graph import Graph, host_of, names_of
 from .._ros.names import is_tool
-from .objects import Object, app_of
+from .objects import Object, address_of, app_of
 
 MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 
@@ -22,10 +22,8 @@ def own_nodes(
     they share its network) tells nothing.
     """
     apps_at: dict[str, set[str]] = {}
-    for pod in pods:
-        address = (pod.get("status") or {}).get("podIP")
-        if address:
-            apps_at.setdefault(address, set()).add(app_of(pod))
+    for pod in filter(address_of, pods):
+        apps_at.setdefault(address_of(pod), set()).add(app_of(pod))
     at = [(node.name, host_of(node.uri)) for name in graph.names if not is_tool(name) for node in graph.named(name)]
     found = {}
     for app, name in named.items():

@@ -13,7 +13,7 @@ from ...module_utils._step.objects import Object, is_in
 from ...module_utils._step.words import MANAGER
 from .._model.secrets import secrets_in, without
 from .applied import HIDDEN, Applied, Fields, applied, foreign_fields, taken_over, without_fields
-from .cache import OF_CLUSTER, Ref
+from .cache import OF_CLUSTER, POLICIES, Ref
 from .connection import APPLY, JSON, MERGE, ApiConnection, ApiError, Query, anew
 
 FENCED = ("Deployment",)  # what the keeper writes, too
@@ -22,7 +22,7 @@ ADMINISTRATORS = (
     "It is the whole cluster's, and not as this version of the collection has it. Run rosops.fleet.awx_access and then "
     "rosops.fleet.site with an administrator's access (SSH to the servers), and then this again."
 )
-OURS_ALONE = ("DaemonSet", "Deployment", "Service")  # kinds whose whole spec is ours: nobody else sets a part
+OURS_ALONE = ("DaemonSet", "Deployment", "Service", *POLICIES)  # kinds whose whole spec is ours
 
 
 class Kube(ApiConnection):
@@ -75,7 +75,7 @@ class Kube(ApiConnection):
             try:
                 fenced = ref.kind in FENCED and not dry_run
                 before = present[ref] if ref in present and not fenced else self.get(ref)
-                if ref.kind in OF_CLUSTER and before and is_in(obj, before):
+                if ref.kind in OF_CLUSTER and before and _is_as_wanted(before, obj):
                     done.append(applied(ref, before, before))
                     continue
                 done.append(applied(ref, before, self._applied(ref, obj, before, dry_run)))
@@ -190,3 +190,9 @@ def ref_of(obj: Object) -> Ref:
         raise KubeError(
             f"This is no full definition of a Kubernetes object ({exc} is missing): {str(obj)[:200]}"
         ) from exc
+
+
+def _is_as_wanted(there: Object, wanted: Object) -> bool:
+    """With nobody beside its subjects, of which the API server keeps no owners, and nothing beside its spec."""
+    alone = len(there.get("subjects") or ()) == len(wanted.get("subjects") or ())
+    return alone and is_in(wanted, there) and not foreign_fields(there, wanted, MANAGER)

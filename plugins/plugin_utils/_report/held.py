@@ -12,7 +12,16 @@ from itertools import chain
 from operator import attrgetter
 
 from ...module_utils._common.poll import PASS
-from ...module_utils._step.objects import Object, app_of, ends_of, is_ready, is_terminating, labels_of, name_of
+from ...module_utils._step.objects import (
+    Object,
+    address_of,
+    app_of,
+    ends_of,
+    is_ready,
+    is_terminating,
+    labels_of,
+    name_of,
+)
 from ...module_utils._step.update_record import ways_back
 from .._kube.cache import Ref, View
 from .._kube.pods import condition, last_end, meta, why_not_ready
@@ -124,7 +133,7 @@ def _workload(deployment: Object, all_pods: Iterable[Object], now: float) -> row
         ready=int(status.get("readyReplicas") or 0),
         wanted=int(1 if wanted is None else wanted),
         nodes=tuple(sorted({str((pod.get("spec") or {}).get("nodeName") or "?") for pod in live})),
-        addresses=tuple(sorted({str(at) for pod in live if (at := (pod.get("status") or {}).get("podIP"))})),
+        addresses=tuple(sorted(filter(None, map(address_of, live)))),
         images=tuple(str(one.get("image", "")) for one in pod_spec.get("containers") or []),
         restarts=ends_of(pods),
         ended=ended,

@@ -10,7 +10,7 @@ from dataclasses import replace
 from ...module_utils._common import poll
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
-from ...module_utils._step.objects import app_of
+from ...module_utils._step.objects import address_of, app_of
 from ...module_utils._step.record import Record, mark_of
 from ...module_utils._step.rest import own_nodes
 from ...module_utils._step.update_record import run_of
@@ -285,7 +285,7 @@ class AppChange(StepChange):
                 self.host.register(hands.master, hands.registered, old)
             except RosError as error:  # without the old version there is nothing to register
                 self.say(f"{self.name}: its old nodes are not registered again yet: {error}")
-        leaving = decide.addresses(decide.new_pods(step, hands.read().pods))
+        leaving = [*filter(None, map(address_of, decide.new_pods(step, hands.read().pods)))]
         # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here;
         # and never without the contract, which a refused apply may have left unwritten
         hands.apply_all([*self.maps, *marked(previous, self.maps, run)])

@@ -12,7 +12,7 @@ from ...module_utils._ros import contract as ros_contract
 from ...module_utils._ros.contract import NOTHING, Contract
 from ...module_utils._ros.graph import Graph, NodeKey, host_of
 from ...module_utils._ros.names import is_keeper, is_tool
-from ...module_utils._step.objects import app_of, crashes
+from ...module_utils._step.objects import address_of, app_of, crashes
 from ...module_utils._step.record import Record
 from ...module_utils._step.rest import actions_to_rest, own_nodes
 from .._images.archive import normal_ref
@@ -215,7 +215,7 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
 
 def _nameless(graph: Graph, pods: Iterable[Object]) -> list[str]:
     """Nodes of apps that have a name as tools have it: what they subscribe to may be lost."""
-    apps = {address: app_of(pod) for pod in pods if (address := (pod.get("status") or {}).get("podIP"))}
+    apps = {address_of(pod): app_of(pod) for pod in filter(address_of, pods)}
     return [
         f"{name} of {apps[host]} has an anonymous name, as a tool that somebody has open: nobody waits for it as a "
         "subscriber. Give it a name (__name:=)"
@@ -244,10 +244,6 @@ def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
     revisions = {app: after["revision"] for app, after in step.after.items()}
     labels = names.LABEL_APP, names.LABEL_REVISION
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
-
-
-def addresses(pods: Iterable[Object]) -> list[str]:
-    return [address for pod in pods if (address := (pod.get("status") or {}).get("podIP"))]
 
 
 def at_work(graph: Graph, rest: Iterable[Object]) -> bool:

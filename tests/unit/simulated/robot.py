@@ -84,7 +84,6 @@ VERSIONS = {
     **{f"crashes-after-{seconds}": Version(crash_at=float(seconds), crashes=999) for seconds in (1, 3, 5, 8, 30, 90)},
     "sends-less-after-30": Version(worse_at=30.0, worse="rate"),
     "loses-its-edges-after-30": Version(worse_at=30.0, worse="edges"),
-    "offers-less-after-30": Version(worse_at=30.0, worse="topics"),
     "crashes-after-5-once": Version(crash_at=5.0, crashes=1),
 }
 
@@ -383,9 +382,6 @@ class SimulatedRobot:
             return
         if pod.version.worse == "rate":
             process.topics = {name: hz / 2 for name, hz in process.topics.items()}
-        elif pod.version.worse == "topics":
-            process.topics = {}
-            self.register(process)
         else:
             process.connects = False
         self.changed()

@@ -181,6 +181,30 @@ def test_what_is_the_cluster_s_is_written_only_where_it_is_not_as_it_should_be(s
     assert [one.changed for one in kube.apply([POLICY], dry_run=True)] == [True]
 
 
+def test_a_condition_that_somebody_put_beside_those_of_a_policy_goes(server: Server, kube: Kube) -> None:
+    mine, theirs = ({"name": name, "expression": name} for name in ("keepers", "false"))
+    wanted = {**POLICY, "spec": {"matchConditions": [mine]}}
+    beside = {"f:spec": {"f:matchConditions": {'k:{"name":"false"}': {".": {}, "f:name": {}, "f:expression": {}}}}}
+    fields = [{"manager": "kubectl-edit", "operation": "Update", "fieldsV1": beside}]
+    there = {"metadata": {**POLICY["metadata"], "managedFields": fields}, "spec": {"matchConditions": [mine, theirs]}}
+    server.put(f"{POLICIES}/keepers", {**POLICY, **there})
+    assert [one.changed for one in kube.apply([wanted], dry_run=True)] == [True]
+    kube.apply([wanted])
+    (entry,) = server.find(f"{POLICIES}/keepers")["metadata"]["managedFields"]
+    assert (entry["manager"], entry["fieldsV1"]) == ("rosops.fleet", beside)  # what we have and do not apply goes
+
+
+def test_an_account_that_somebody_put_beside_ours_loses_our_rights(server: Server, kube: Kube) -> None:
+    ours, theirs = ({"kind": "ServiceAccount", "name": name, "namespace": "kube-system"} for name in ("a", "b"))
+    metadata, kind = {"name": "keepers"}, "ClusterRoleBinding"
+    wanted = {"apiVersion": "rbac.authorization.k8s.io/v1", "kind": kind, "metadata": metadata, "subjects": [ours]}
+    there = f"/apis/rbac.authorization.k8s.io/v1/{kind.lower()}s/keepers"
+    server.put(there, {**wanted, "subjects": [ours, theirs]})
+    assert [one.changed for one in kube.apply([wanted])] == [True]
+    assert server.find(there)["subjects"] == [ours]
+    assert [one.changed for one in kube.apply([wanted])] == [False]
+
+
 @pytest.mark.parametrize("reads", [True, False])
 def test_who_may_not_write_it_is_told_who_may(server: Server, kube: Kube, reads: bool) -> None:
     (server.write_refusals if reads else server.refusals).append((403, "forbidden"))

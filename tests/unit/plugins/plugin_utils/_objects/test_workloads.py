@@ -200,16 +200,6 @@ def test_overrides_may_not_lose_the_app() -> None:
         deployment(overrides={"spec": {"template": None}})
 
 
-@pytest.mark.parametrize(
-    ("command", "expected"), [("a;b", ["/bin/sh", "-c", "a;b"]), (["test", "-f", "/x/a b"], ["test", "-f", "/x/a b"])]
-)
-def test_readiness_command(command: Any, expected: list[str]) -> None:
-    found = container(deployment(hooks="none", readiness={"command": command}))
-    for kind in ("startupProbe", "readinessProbe"):
-        assert found[kind]["exec"]["command"] == expected
-        assert found[kind]["timeoutSeconds"] >= 2
-
-
 def test_no_probe_without_hooks_and_a_command() -> None:
     item = deployment(hooks="none")
     assert not {"readinessProbe", "startupProbe", "lifecycle", "volumeMounts"} & set(container(item))

@@ -14,7 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed
-from ansible_collections.rosops.fleet.tests.unit.simulated.robot import PROBE, REGISTER, START, image
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of, settings
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
 
@@ -160,13 +160,6 @@ def before(name: str) -> Simulation:
     sim.install_objects(robot, from_before(robot))
     assert all("_$(" not in json.dumps(item) for item in sim.objects.values())
     return sim
-
-
-def test_a_restart_by_hand_of_a_pod_from_before_was_a_loss() -> None:
-    sim = before("overlap")
-    sim.restart_by_hand(("robot-robot1", "sensor"))
-    with pytest.raises(AssertionError, match="nothing good serves sensor"):
-        sim.advance(START + REGISTER + PROBE)
 
 
 @pytest.mark.parametrize("name", OVERLAP)
