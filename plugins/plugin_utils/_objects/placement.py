@@ -78,7 +78,7 @@ def of_other_host(pod: Object, namespace: str) -> list[str]:
         return []
     containers = [*pod["containers"], *(pod.get("initContainers") or ())]
     mounts = [one for each in containers for one in each.get("volumeMounts") or ()]
-    written, volumes = {one["name"] for one in mounts if not one.get("readOnly")}, pod.get("volumes") or ()
+    written, volumes = [one.get("name") for one in mounts if not one.get("readOnly")], pod.get("volumes") or ()
     free = [one["name"] for one in volumes if (one.get("hostPath") or {}).get("path") == STORAGE]
     others = [one for one in volumes if one["name"] in written or one["name"] not in free]
     found = refused({**pod, "volumes": others}, "baseline")

@@ -36,18 +36,28 @@ def _list_of(kind: Kind, allowed: str) -> Kind:
 
 _MAPPING = kind_of(Mapping[str, Any])
 _ENTRIES = _list_of(_MAPPING, "a list of mappings")
+_TEXTS = Key(_list_of(kind_of(str), "a list of texts"))
+_CONTEXT = {
+    "capabilities": Key(Kind(dict, dict.fromkeys(("add", "drop"), _TEXTS), (OPEN,))),
+    "sysctls": Key(_ENTRIES),
+    **dict.fromkeys(("appArmorProfile", "seLinuxOptions", "seccompProfile"), Key(_MAPPING)),
+}
+_VOLUME = {"name": Key(kind_of(Filled), MISSING), "hostPath": Key(_MAPPING)}
 _CONTAINER = {
     **dict.fromkeys(("name", "image"), Key(kind_of(Filled), MISSING)),
     **dict.fromkeys(("env", "envFrom", "ports", "volumeMounts", "volumeDevices"), Key(_ENTRIES)),
-    **dict.fromkeys(("command", "args"), Key(_list_of(kind_of(str), "a list of texts"))),
+    **dict.fromkeys(("command", "args"), _TEXTS),
     **dict.fromkeys(("lifecycle", "livenessProbe", "readinessProbe", "startupProbe"), Key(_MAPPING)),
-    **dict.fromkeys(("resources", "securityContext"), Key(_MAPPING)),
+    "resources": Key(_MAPPING),
+    "securityContext": Key(Kind(dict, _CONTEXT, (OPEN,))),
 }
 _CONTAINERS = _list_of(Kind(dict, _CONTAINER, (OPEN,)), "a list of mappings")
 _POD = {
-    **dict.fromkeys(("volumes", "tolerations", "imagePullSecrets", "hostAliases"), Key(_ENTRIES)),
+    **dict.fromkeys(("tolerations", "imagePullSecrets", "hostAliases"), Key(_ENTRIES)),
     "topologySpreadConstraints": Key(_ENTRIES),
-    **dict.fromkeys(("nodeSelector", "affinity", "securityContext", "dnsConfig"), Key(_MAPPING)),
+    "volumes": Key(_list_of(Kind(dict, _VOLUME, (OPEN,)), "a list of mappings")),
+    **dict.fromkeys(("nodeSelector", "affinity", "dnsConfig"), Key(_MAPPING)),
+    "securityContext": Key(Kind(dict, _CONTEXT, (OPEN,))),
     **dict.fromkeys(("containers", "initContainers"), Key(_CONTAINERS)),
 }
 
