@@ -159,19 +159,19 @@ class ActionModule(GatedAction):
         return None if engine.left else outcome
 
     def _hosts(self, robot: Robot, kube: Kube) -> Hosts:
-        """From where they send. A standalone robot is its only one, from which everything reaches its pods."""
+        """A standalone robot is its cluster's only one, from which everything reaches its pods."""
         if not robot.network_policies or robot.mode == "standalone":
             return UNKNOWN
         fleet, hosts = self._vars[VARIABLE], self._vars[VARIABLE]["hosts"]
-        at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
-        own = [hosts[self._host]["node"], *(fleet["edge_nodes"] if at_edge else ())]
+        own, edge = [hosts[self._host]["node"]], fleet["edge_nodes"]
         servers = [hosts[server]["node"] for server in hosts[self._host]["servers"]]
         found = self._fetch(self._vars).networks(
             hosts[self._host]["cluster"],
             {*own, *servers},
             lambda: {name_of(node): host_networks(node) for node in kube.nodes()},
         )
-        return Hosts(*([one for node in of for one in found.get(node, ())] for of in (own, servers, sorted(found))))
+        groups = own, servers, edge, sorted(found)
+        return Hosts(*([one for node in group for one in found.get(node, ())] for group in groups))
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""
