@@ -159,22 +159,19 @@ class ActionModule(GatedAction):
         return None if engine.left else outcome
 
     def _hosts(self, robot: Robot, kube: Kube) -> Hosts:
-        """From where they send. A standalone robot is its only one, from which everything reaches its pods."""
+        """A standalone robot is its cluster's only one, from which everything reaches its pods."""
         if not robot.network_policies or robot.mode == "standalone":
             return UNKNOWN
-        fleet = self._vars[VARIABLE]
-        part, edge = fleet["hosts"][self._host], fleet["edge_nodes"]
-        at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
-        own = [part["node"], *(edge if at_edge else ())]
-        servers = [fleet["hosts"][server]["node"] for server in part["servers"]]
-
-        def ask() -> dict[str, list[str]]:
-            return {name_of(node): host_networks(node) for node in kube.nodes()}
-
-        found = self._fetch(self._vars).networks(part["cluster"], {*own, *servers}, ask)
-        return Hosts(
-            *([one for node in nodes for one in found.get(node, ())] for nodes in (own, servers, sorted(found)))
+        fleet, hosts = self._vars[VARIABLE], self._vars[VARIABLE]["hosts"]
+        own, edge = [hosts[self._host]["node"]], fleet["edge_nodes"]
+        servers = [hosts[server]["node"] for server in hosts[self._host]["servers"]]
+        found = self._fetch(self._vars).networks(
+            hosts[self._host]["cluster"],
+            {*own, *servers},
+            lambda: {name_of(node): host_networks(node) for node in kube.nodes()},
         )
+        groups = own, servers, edge, sorted(found)
+        return Hosts(*([one for node in group for one in found.get(node, ())] for group in groups))
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""

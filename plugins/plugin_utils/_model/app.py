@@ -363,7 +363,7 @@ class App:
     """Files in the container, read-only. A changed one is another revision, which is proven and taken back as an image
     is."""
     ports: tuple[Port, ...] = ()
-    """Ports of the container. A Service of the app's name leads to them, within the cluster, but for other robots, as
+    """Ports of the container. A Service of the app's name leads to them, but for other robots, as
     C(<app>.robot-<robot>:<port>)."""
     placement: Annotated[
         Literal["local", "remote"], Follows(lambda said: "local" if said.get("devices") else "remote")

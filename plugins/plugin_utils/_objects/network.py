@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Who reaches a robot's pods: the NetworkPolicies of its namespace, and of the namespace `fleet`. Pure.
 
-Within a robot everything is open, as ROS 1 takes any port. Other robots reach nothing. What a host sends has an address
-of the host and is no pod's: that of the robot's own hosts may go anywhere (a look at the graph over SSH, apps with
-host_network), that of the cluster's servers to the keeper's door (`_kube/door.py`). A pod's own node reaches it in any
-case. What pods send is not bounded.
+Within a robot everything is open, as ROS 1 takes any port. Other robots reach nothing. What pods send is not bounded.
+
+What a host sends has an address of the host and is no pod's. That of the robot's own host may go anywhere (a look at
+the graph over SSH, apps with host_network), that of the cluster's servers to the keeper's door (`_kube/door.py`). A
+pod's own node reaches it in any case. Pods on the robot itself are let in by their network, too: whoever enforces this
+learns a new one's address a moment after its process has begun, and what is refused then may not be tried again.
 """
 
 from __future__ import annotations
@@ -32,10 +34,11 @@ SAME: Object = {"podSelector": {}}  # all of the policy's own namespace
 
 @dataclass(frozen=True)
 class Hosts:
-    """Networks from which hosts send: those of the robot's own pods, the servers of its cluster, and all of these."""
+    """Addresses of nodes and networks of their pods: the robot's own, servers, edge hosts, all of the cluster."""
 
     own: Sequence[str] = ()
     servers: Sequence[str] = ()
+    edge: Sequence[str] = ()
     every: Sequence[str] = ()
 
 
@@ -50,15 +53,17 @@ def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
     # an external master calls the nodes that are registered with it
     admitted = [*robot.admits, *_addresses([urlsplit(robot.master.uri).hostname or ""])]
     fleet = [_namespace(names.FLEET_NAMESPACE)] if shared else []
-    sources = [SAME, *fleet, *_blocks([*hosts.own, *admitted])]
+    at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
+    sources = [SAME, *fleet, *_blocks([*hosts.own, *(_alone(hosts.edge) if at_edge else ()), *admitted])]
     found = [_policy("robot", robot.namespace, labels, {}, [{"from": sources}])]
     if shared:
-        sources = [SAME, _namespaces_of_robots("Exists"), *_blocks(hosts.every)]
+        sources = [SAME, _namespaces_of_robots("Exists"), *_blocks(_alone(hosts.every))]
         found.append(_policy("fleet", names.FLEET_NAMESPACE, owner_labels(None), {}, [{"from": sources}]))
     if shared and admitted:
         rules = [{"from": _blocks(admitted)}]
         found.append(_policy(robot.namespace, names.FLEET_NAMESPACE, labels, {}, rules))
-    door = {"from": [_namespace(names.OBSERVABILITY), *_blocks(hosts.servers)], "ports": [_tcp(names.KEEPER_PORT)]}
+    sources = [_namespace(names.OBSERVABILITY), *_blocks(_alone(hosts.servers))]
+    door: Object = {"from": sources, "ports": [_tcp(names.KEEPER_PORT)]}
     labels = object_labels(names.KEEPER_NAME, context.master_owner(robot))
     selector = pod_selector(names.KEEPER_NAME)
     found.append(_policy(names.KEEPER_NAME, context.master_namespace(robot), labels, selector, [door]))
@@ -99,16 +104,13 @@ def _scraped(app: App, robot: Robot) -> list[int]:
 
 
 def host_networks(node: Object) -> list[str]:
-    """From where a node's host sends to pods of other nodes, as far as the node says what can be read.
-
-    That is its own address, or the first of its pods' network, which flannel's device has, or the second, the bridge's.
-    """
+    """The node's addresses and its pods' networks, as far as it says what can be read."""
     told = (node.get("status") or {}).get("addresses") or ()
-    found = [str(one.get("address")) for one in told if one.get("type") == "InternalIP"]
+    found = _addresses(str(one.get("address")) for one in told if one.get("type") == "InternalIP")
     for text in (node.get("spec") or {}).get("podCIDRs") or ():
         with contextlib.suppress(ValueError):
-            found += map(str, islice(ip_network(text), 2))
-    return _addresses(found)
+            found.append(str(ip_network(text)))
+    return found
 
 
 def _addresses(texts: Iterable[str]) -> list[str]:
@@ -118,6 +120,12 @@ def _addresses(texts: Iterable[str]) -> list[str]:
         with contextlib.suppress(ValueError):
             found.append(str(ip_network(ip_address(text))))
     return found
+
+
+def _alone(networks: Iterable[str]) -> list[str]:
+    """Hosts without their pods, by whose networks hosts send, too: flannel's device has the first address, the bridge
+    the second."""
+    return _addresses(str(one) for network in networks for one in islice(ip_network(network), 2))
 
 
 # --- the parts of a policy --------------------------------------------------------------------------------------------

@@ -27,6 +27,7 @@ from .pod_settings import full_name, rest_maps
 from .rights import keeper_access
 
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
+POLICED = (NAMESPACE, MASTER, APPS)  # with these come the NetworkPolicies
 
 # Read once in Ansible's main process, which imports the actions: the workers of all robots have it then.
 CODE = pod_files()
@@ -57,7 +58,7 @@ def ground_objects(
         found += [*namespace_objects(robot), *pull_secret_objects(robot, pull_secrets)]
     elif MASTER in parts:
         found += keeper_access(robot)
-    if {NAMESPACE, MASTER, APPS} & {*parts}:
+    if {*POLICED} & {*parts}:
         found += network_policies(robot, hosts)
     if STORAGE in parts:
         found += storage_objects(robot)

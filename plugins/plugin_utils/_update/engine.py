@@ -35,16 +35,7 @@ from .cluster import KubeCluster
 from .hands import Hands, Settings, World
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, placed, promised, rendered, update_plan
-from .revisions import (
-    claim_users,
-    deployments_of,
-    files_owner,
-    key_of,
-    lost_services,
-    suspects,
-    unused,
-    unwanted_policies,
-)
+from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
 
@@ -209,9 +200,7 @@ class Engine(Hands):
         self.desired = rendered(self.robot)
         secrets, code, hosts = settings.pull_secrets, settings.code, settings.hosts
         self.ground = ground_objects(self.robot, request.parts, secrets, code, hosts)
-        plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
-        unwanted = unwanted_policies(self.robot, self.live, self.ground, plan.orphans)
-        self.plan = replace(plan, remnants=[*plan.remnants, *unwanted])
+        self.plan = update_plan(self.robot, self.desired, self.live, request, self._drifted())
         self.left = not settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
 from ...module_utils._ros.names import resolve
-from ...module_utils._step.objects import app_of, handoff_of, has_gate, hash_of, name_of, node_of
+from ...module_utils._step.objects import app_of, handoff_of, has_gate, hash_of, labels_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
 from .._model.app import App
@@ -22,7 +22,8 @@ from .._model.order import in_order
 from .._model.windows import ALWAYS, Windows
 from .._objects.app import app_objects
 from .._objects.master import keeper_objects, ros_core_objects
-from .._objects.parts import APPS, PARTS, graph_conditions
+from .._objects.network import network_policies
+from .._objects.parts import APPS, PARTS, POLICED, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
 from .addresses import NAMES, SERVING
 from .nodes import Launched, intended, launched
@@ -158,8 +159,8 @@ def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, dr
         return Plan(_back(there, asked, request))
     known = {key_of(item) for item in deployments_of([*all_of(desired), *keeper_objects(robot)])}
     orphans = sorted(key[1] for key in running if key not in known and key[1] != EXPORTER)
-    plan = Plan(there.steps(asked), orphans, _exporters(live, request))
-    return _with_removals(plan, robot, live, request)
+    plan = _with_removals(Plan(there.steps(asked), orphans, _exporters(live, request)), robot, live, request)
+    return replace(plan, remnants=[*plan.remnants, *_policies(robot, live, request, plan.orphans)])
 
 
 @dataclass(frozen=True)
@@ -299,6 +300,21 @@ def _exporters(live: Live, request: Request) -> list[Object]:
         return []
     there = [identity(item) for item in [*live.deployments, *live.maps] if name_of(item) == EXPORTER]
     return [item for item in there if (request.shared if _is_shared([item]) else request.own)]
+
+
+def _policies(robot: Robot, live: Live, request: Request, orphans: Collection[str]) -> list[Object]:
+    """NetworkPolicies that nobody wants any more; those of apps that are left as they are stay.
+
+    Where there are to be none, all go, the fleet's, too: its robots agree on that. Else another robot's are its own.
+    """
+    if not {*POLICED} & {*request.parts}:
+        return []
+    wanted = {key_of(item) for item in network_policies(robot)}
+    found = [item for item in live.policies if key_of(item) not in wanted]
+    if wanted:
+        own = [item for item in found if labels_of(item).get(names.LABEL_ROBOT) == robot.name]
+        found = [item for item in own if app_of(item) not in orphans]
+    return [identity(item) for item in found]
 
 
 def _back(there: _Robot, asked: Sequence[str], request: Request) -> list[Step]:

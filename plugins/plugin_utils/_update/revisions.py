@@ -11,13 +11,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from typing import Any
 
-from ...module_utils._step.objects import annotations_of, app_of, hash_of, is_in, is_ready, labels_of, revision_of
+from ...module_utils._step.objects import annotations_of, app_of, hash_of, is_in, is_ready, revision_of
 from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, UNPROVEN, answer, soaks
 from ...module_utils._step.words import BACK_TO, SOAKING, UPDATING, WENT_BACK
 from .._kube.applied import applied_part, foreign_fields, left_fields
 from .._model import names
-from .._model.context import Robot
-from .._objects.network import KIND
 from .world import Live, Object
 
 Key = tuple[str, str]  # namespace, name
@@ -53,20 +51,6 @@ def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[
     maps = [item for item in live.maps if files_owner(item) in apps and key_of(item) not in used | mounted]
     services = [item for item in live.services if key_of(item) in apps and key_of(item) not in used]
     return [identity(item) for item in [*maps, *services]]
-
-
-def unwanted_policies(robot: Robot, live: Live, wanted: Iterable[Object], orphans: Collection[str]) -> list[Object]:
-    """NetworkPolicies that the robot had and has no more; of an app that nobody has taken away they stay.
-
-    Those of the fleet's other robots are theirs. Without any the whole fleet's go, too, which robots agree on.
-    """
-    used = {key_of(item) for item in wanted if item["kind"] == KIND}
-    gone = [item for item in live.policies if key_of(item) not in used]
-    if robot.network_policies:
-        shared = {app.name for app in robot.apps if app.scope == "fleet"}
-        own = [item for item in gone if labels_of(item).get(names.LABEL_ROBOT) == robot.name or app_of(item) in shared]
-        gone = [item for item in own if used and app_of(item) not in orphans]  # parts without any were asked for
-    return [identity(item) for item in gone]
 
 
 def claim_users(live: Live, claims: Collection[Object], leaving: Collection[str] = ()) -> list[str]:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE, PARTS, ground_objects
@@ -23,11 +24,11 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 STAGES = ",".join(PARTS)
 APP = {"name": "talker", "image": "x.example/talker:1", "command": ["run"], "pattern": "pubsub"}
 WAVE = "Robots are updated, wave by wave"
-PLACES = {"Deployment": "apis/apps/v1", "Service": "api/v1", "ConfigMap": "api/v1"}
+KINDS = ("Deployment", "Service", "ConfigMap", "NetworkPolicy")
 
 
 def path_of(kind: str, namespace: str, name: str) -> str:
-    return f"/{PLACES[kind]}/namespaces/{namespace}/{kind.lower()}s/{name}"
+    return Ref(kind, name, namespace).path
 
 
 def runs(server: Server, name: str, image: str = "x.example/talker:0") -> None:
@@ -37,7 +38,7 @@ def runs(server: Server, name: str, image: str = "x.example/talker:0") -> None:
     space = f"/api/v1/namespaces/robot-{name}"
     server.put(space, {"metadata": {}})
     for item in [*ground_objects(made, ["apps"], [], CODE), *master_objects(made), *app_objects(made)]:
-        if item["kind"] in PLACES:
+        if item["kind"] in KINDS:
             item = {**item, "spec": {**item.get("spec", {}), "clusterIP": SERVICE_ADDRESS}}  # noqa: PLW2901
             server.put(path_of(item["kind"], f"robot-{name}", item["metadata"]["name"]), item)
 

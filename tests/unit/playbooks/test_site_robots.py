@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
-from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import PLACES, STAGES, WAVE, Run, path_of, runs
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import KINDS, STAGES, WAVE, Run, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 
@@ -36,7 +36,7 @@ def test_tags_mean_parts(server: Server, control: Control) -> None:
     run = Run(control, "robot1", "--tags", STAGES, "--skip-tags", "apps,ready")
     assert server.find("/api/v1/namespaces/robot-robot1"), run.output
     names = ("rosops-code", "ros-master", "talker")
-    there = {name for name in names for kind in PLACES if server.find(path_of(kind, "robot-robot1", name))}
+    there = {name for name in names for kind in KINDS if server.find(path_of(kind, "robot-robot1", name))}
     assert there == {"rosops-code", "ros-master"}, run.output
 
 

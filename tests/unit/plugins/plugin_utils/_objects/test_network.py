@@ -23,9 +23,12 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 MASTER, KEEPER, TCPROS = 11311, 11411, 40123
 HOST1, HOST2, SERVER, LAPTOP, ANYBODY = "192.0.2.11", "192.0.2.12", "192.0.2.1", "198.51.100.7", "203.0.113.9"
-OVERLAY1, SERVERS_OVERLAY = "10.42.1.0", "10.42.0.0"
-EVERY = [f"{one}/32" for one in (SERVER, SERVERS_OVERLAY, HOST1, OVERLAY1, HOST2)]
-HOSTS = {"robot1": Hosts(EVERY[2:4], EVERY[:2], EVERY), "robot2": Hosts(EVERY[4:], EVERY[:2], EVERY)}
+# flannel's device, the bridge, and a pod of which nothing is known yet
+OVERLAY0, BRIDGE0, NEW0 = (f"10.42.0.{number}" for number in (0, 1, 77))
+OVERLAY1, NEW1, OVERLAY2 = "10.42.1.0", "10.42.1.77", "10.42.2.0"
+EDGE, OF1, OF2 = ([f"{host}/32", f"10.42.{number}.0/24"] for number, host in enumerate((SERVER, HOST1, HOST2)))
+EVERY = [*EDGE, *OF1, *OF2]
+HOSTS = {"robot1": Hosts(OF1, EDGE, EDGE, EVERY), "robot2": Hosts(OF2, EDGE, EDGE, EVERY)}
 OF_NOBODY = {"observability": "observability", "shop": "shop"}  # namespaces that are no robot's
 
 
@@ -158,11 +161,15 @@ LISTED = Cluster(robot(*APPS, admits=["198.51.100.0/24"]), robot(app("talker"), 
         (ANYBODY, "ros-master", MASTER, False),
         # hosts: a server at the door, the robot's own everywhere, another robot's nowhere
         (SERVER, "ros-keeper", KEEPER, True),
-        (SERVERS_OVERLAY, "ros-keeper", KEEPER, True),
+        (OVERLAY0, "ros-keeper", KEEPER, True),
+        (BRIDGE0, "ros-keeper", KEEPER, True),
+        (NEW0, "ros-keeper", KEEPER, False),
         (SERVER, "ros-master", MASTER, False),
-        (SERVER, "talker", TCPROS, False),
+        (OVERLAY0, "talker", TCPROS, False),
         (HOST1, "ros-master", MASTER, True),
         (OVERLAY1, "talker", TCPROS, True),
+        (NEW1, "talker", TCPROS, True),
+        (OVERLAY2, "talker", TCPROS, False),
         (HOST2, "ros-master", MASTER, False),
         (HOST2, "ros-keeper", KEEPER, False),
         (LAPTOP, "ros-master", MASTER, False),
@@ -177,6 +184,15 @@ def test_a_network_that_is_listed_reaches_everything(target: str, port: int) -> 
     assert LISTED.passes(LAPTOP, f"robot-robot1/{target}", port)
     assert not LISTED.passes(LAPTOP, f"robot-robot2/{target}", port)
     assert not LISTED.passes(ANYBODY, f"robot-robot1/{target}", port)
+
+
+@pytest.mark.parametrize(("placement", "passes"), [("remote", True), ("local", False)])
+def test_an_app_on_an_edge_host_s_network_reaches_its_robot(placement: str, passes: bool) -> None:
+    """By the host's addresses, and pods of that host do not."""
+    cluster = Cluster(robot(app("talker"), app("planner", host_network=True, placement=placement)))
+    for address in (SERVER, OVERLAY0):
+        assert cluster.passes(address, "robot-robot1/talker", TCPROS) is passes
+    assert not cluster.passes(NEW0, "robot-robot1/talker", TCPROS)
 
 
 def test_a_port_of_a_host_is_open_by_its_own_protocol() -> None:
@@ -207,6 +223,8 @@ FLEET = Cluster(*(robot(app("talker"), MAP, name=name, master=SHARED) for name i
         # whatever asks for the graph over SSH, and drivers with host_network
         (HOST1, "fleet/ros-master", MASTER, True),
         (HOST2, "fleet/ros-master", MASTER, True),
+        (OVERLAY2, "fleet/ros-master", MASTER, True),
+        (NEW0, "fleet/ros-master", MASTER, False),
         (HOST2, "robot-robot1/talker", TCPROS, False),
         (ANYBODY, "fleet/ros-master", MASTER, False),
     ],
@@ -279,13 +297,13 @@ def test_no_rule_is_for_everybody_by_mistake() -> None:
         ({"status": {"addresses": [{"type": "InternalIP", "address": "192.0.2.1"}, {"type": "Hostname", "address": "e"},
                                    {"type": "ExternalIP", "address": "203.0.113.1"}]},
           "spec": {"podCIDRs": ["10.42.0.0/24", "2001:db8:42::/64"]}},
-         ["192.0.2.1/32", "10.42.0.0/32", "10.42.0.1/32", "2001:db8:42::/128", "2001:db8:42::1/128"]),
+         ["192.0.2.1/32", "10.42.0.0/24", "2001:db8:42::/64"]),
         ({"status": {"addresses": [{"type": "InternalIP", "address": "2001:db8::1"}]}}, ["2001:db8::1/128"]),
-        # of what a node says itself nothing is more than one address
+        # what a node says of its own addresses is never more than one of them
         ({"status": {"addresses": [{"type": "InternalIP", "address": "0.0.0.0/0"}, {"type": "InternalIP"}]},
           "spec": {"podCIDRs": ["all of them", "10.42.3.4/32"]}}, ["10.42.3.4/32"]),
         ({}, []),
     ],
 )  # fmt: skip
-def test_from_where_a_node_s_host_sends(node: Object, found: list[str]) -> None:
+def test_what_a_node_says(node: Object, found: list[str]) -> None:
     assert host_networks(node) == found

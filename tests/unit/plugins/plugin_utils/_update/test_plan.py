@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,7 +15,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, hashed, pod_spec, workload
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.network import network_policies
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, placed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described, kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
@@ -333,3 +335,50 @@ def test_a_version_is_told_by_its_image_and_revision(labels: Any, containers: An
     metadata = {"labels": labels, "annotations": {names.ANNOTATION_HASH: "0123456789"}}
     template = {"metadata": metadata, "spec": {"containers": containers}}
     assert (*described({"spec": {"template": template}}).values(),) == found
+
+
+# --- NetworkPolicies that nobody wants any more -----------------------------------------------------------------------
+
+WEB = app("web", ports=[{"name": "http", "port": 80}])
+SHARED = {"mode": "shared"}
+MAP = app("map", scope="fleet", ports=[{"name": "http", "port": 80}])
+
+
+def gone(before: Robot, now: Robot, running: Robot | None = None, *parts: str) -> list[str]:
+    """What goes of the policies that this robot and another one had, while the apps of a third description run."""
+    other = network_policies(replace(before, name="robot2", namespace="robot-robot2"))
+    there = {(one["metadata"]["namespace"], one["metadata"]["name"]): one for one in other + network_policies(before)}
+    read = [one for (namespace, _name), one in there.items() if namespace != "robot-robot2"]
+    live = replace(applied(running or now), policies=read)
+    plan = planned(now, live, Request(parts=parts or PARTS[:-1]))
+    return [f"{one['metadata']['namespace']}/{one['metadata']['name']}" for one in plan.remnants]
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "unwanted"),
+    [
+        (robot(WEB), robot(WEB), []),
+        (robot(WEB), robot(app("web")), ["robot-robot1/web.ports"]),
+        (robot(WEB), robot(), ["robot-robot1/web.ports"]),
+        (robot(WEB), robot(WEB, network_policies=False),
+         ["robot-robot1/robot", "robot-robot1/ros-keeper", "robot-robot1/web.ports"]),
+        (robot(WEB, MAP, master=SHARED), robot(WEB, MAP, master=SHARED), []),
+        (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), []),  # which another robot may have
+        # of two robots, what one admits
+        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED), ["fleet/robot-robot1"]),
+        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED, network_policies=False),
+         ["fleet/fleet", "fleet/robot-robot2", "fleet/ros-keeper", "robot-robot1/robot", "fleet/robot-robot1"]),
+    ],
+)  # fmt: skip
+def test_policies_that_are_not_wanted_any_more(before: Robot, now: Robot, unwanted: list[str]) -> None:
+    assert gone(before, now) == unwanted
+
+
+def test_parts_that_have_no_policies_take_none_away() -> None:
+    assert gone(robot(WEB), robot(), None, "storage") == []
+
+
+def test_an_app_that_nobody_has_taken_away_stays_open() -> None:
+    """Unless there are to be no policies at all."""
+    assert gone(robot(WEB), robot(), running=robot(WEB)) == []
+    assert "robot-robot1/web.ports" in gone(robot(WEB), robot(network_policies=False), running=robot(WEB))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,15 +12,9 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.network import network_policies
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, ground_objects, workload_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    lost_services,
-    suspects,
-    unwanted_policies,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, marked
@@ -191,52 +185,3 @@ def test_a_service_that_is_gone_or_leads_elsewhere_is_lost() -> None:
 
 def test_services_of_what_does_not_run_come_with_it() -> None:
     assert lost_services(workload_objects(ROBOT, PARTS), Live()) == []
-
-
-# --- NetworkPolicies that nobody wants any more -----------------------------------------------------------------------
-
-WEB = app("web", ports=[{"name": "http", "port": 80}])
-SHARED = {"mode": "shared"}
-MAP = app("map", scope="fleet", ports=[{"name": "http", "port": 80}])
-
-
-def closed(before: Robot, now: Robot, parts: Sequence[str] = PARTS, orphans: Sequence[str] = ()) -> list[str]:
-    """What goes of the policies that these robots had, once the second one of them is wanted."""
-    others = network_policies(replace(before, name="robot2", namespace="robot-robot2"))
-    there = {
-        (one["metadata"]["namespace"], one["metadata"]["name"]): one for one in [*others, *network_policies(before)]
-    }
-    read = [one for (namespace, _name), one in there.items() if namespace != "robot-robot2"]
-    gone = unwanted_policies(now, Live(policies=read), ground_objects(now, parts, (), {}), orphans)
-    return [f"{one['metadata']['namespace']}/{one['metadata']['name']}" for one in gone]
-
-
-@pytest.mark.parametrize(
-    ("before", "now", "gone"),
-    [
-        (robot(WEB), robot(WEB), []),
-        (robot(WEB), robot(app("web")), ["robot-robot1/web.ports"]),
-        (robot(WEB), robot(), ["robot-robot1/web.ports"]),
-        (robot(WEB), robot(WEB, network_policies=False),
-         ["robot-robot1/robot", "robot-robot1/ros-keeper", "robot-robot1/web.ports"]),
-        (robot(WEB, master=SHARED), robot(WEB, master=SHARED), []),
-        (robot(WEB, MAP, master=SHARED), robot(WEB, app("map", scope="fleet"), master=SHARED), ["fleet/map.ports"]),
-        (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), []),  # which another robot may have
-        # of two robots, what one admits
-        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED), ["fleet/robot-robot1"]),
-        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED, network_policies=False),
-         ["fleet/fleet", "fleet/robot-robot2", "fleet/ros-keeper", "robot-robot1/robot", "fleet/robot-robot1"]),
-    ],
-)  # fmt: skip
-def test_policies_that_are_not_wanted_any_more(before: Robot, now: Robot, gone: list[str]) -> None:
-    assert closed(before, now) == gone
-
-
-def test_parts_that_have_no_policies_take_none_away() -> None:
-    assert closed(robot(WEB), robot(), ["storage"]) == []
-
-
-def test_an_app_that_nobody_has_taken_away_stays_open() -> None:
-    """Unless there are to be no policies at all."""
-    assert closed(robot(WEB), robot(), orphans=["web"]) == []
-    assert "robot-robot1/web.ports" in closed(robot(WEB), robot(network_policies=False), orphans=["web"])
