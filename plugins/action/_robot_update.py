@@ -160,7 +160,7 @@ class ActionModule(GatedAction):
 
     def _hosts(self, robot: Robot, kube: Kube) -> Hosts:
         """A standalone robot is its cluster's only one, from which everything reaches its pods."""
-        if not robot.network_policies or robot.mode == "standalone":
+        if robot.mode == "standalone":
             return UNKNOWN
         fleet, hosts = self._vars[VARIABLE], self._vars[VARIABLE]["hosts"]
         own, edge = [hosts[self._host]["node"]], fleet["edge_nodes"]

@@ -76,7 +76,6 @@ class Robot:
     limits: Variables = field(default_factory=dict)
     pod_security: str = ""
     edge_host_access: bool = False
-    network_policies: bool = True
     admits: tuple[str, ...] = ()
     pull_secrets: tuple[str, ...] = ()
     when: When = ()
@@ -102,7 +101,6 @@ class Robot:
                 "limits": variables.get("robot_namespace_limits"),
                 "pod_security": variables.get("robot_namespace_pod_security"),
                 "edge_host_access": variables.get("robot_namespace_edge_host_access"),
-                "network_policies": variables.get("robot_namespace_network_policies"),
                 "admits": variables.get("robot_namespace_admits"),
                 "pull_secrets": [secret["name"] for secret in variables.get("robot_namespace_pull_secrets") or ()],
                 "when": variables.get("update_when"),

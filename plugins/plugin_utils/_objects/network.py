@@ -47,8 +47,6 @@ UNKNOWN = Hosts()
 
 def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
     """What a robot needs of them. Those of the fleet are the same from every robot, but for what it admits itself."""
-    if not robot.network_policies:
-        return []
     shared, labels = needs_fleet_namespace(robot), owner_labels(robot.name)
     # an external master calls the nodes that are registered with it
     admitted = [*robot.admits, *_addresses([urlsplit(robot.master.uri).hostname or ""])]

@@ -303,18 +303,12 @@ def _exporters(live: Live, request: Request) -> list[Object]:
 
 
 def _policies(robot: Robot, live: Live, request: Request, orphans: Collection[str]) -> list[Object]:
-    """NetworkPolicies that nobody wants any more; those of apps that are left as they are stay.
-
-    Where there are to be none, all go, the fleet's, too: its robots agree on that. Else another robot's are its own.
-    """
+    """NetworkPolicies of this robot that nobody wants any more; those of apps that are left as they are stay."""
     if not {*POLICED} & {*request.parts}:
         return []
     wanted = {key_of(item) for item in network_policies(robot)}
-    found = [item for item in live.policies if key_of(item) not in wanted]
-    if wanted:
-        own = [item for item in found if labels_of(item).get(names.LABEL_ROBOT) == robot.name]
-        found = [item for item in own if app_of(item) not in orphans]
-    return [identity(item) for item in found]
+    own = [item for item in live.policies if labels_of(item).get(names.LABEL_ROBOT) == robot.name]
+    return [identity(item) for item in own if key_of(item) not in wanted and app_of(item) not in orphans]
 
 
 def _back(there: _Robot, asked: Sequence[str], request: Request) -> list[Step]:

@@ -164,8 +164,7 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
     image = draft.robot.master.image
     if moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
-    if draft.robot.network_policies:
-        yield from _not_held(draft)
+    yield from _not_held(draft)
     # what the robot is asked before a change, and its own app has to answer
     publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
     for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
@@ -242,14 +241,9 @@ def fleet_app_problems(drafts: Sequence[Draft]) -> Iterator[Problem]:
             yield Problem(f"{draft.path}.ros_master_image", found, "the same ros_master_* variables for all robots")
     at_fleets = [draft for draft in drafts if needs_fleet_namespace(draft.robot) and draft.robot.mode != "standalone"]
     for draft in at_fleets:
-        one, other = draft.robot, at_fleets[0].robot
-        said = {
-            "network_policies": one.network_policies != other.network_policies,
-            "edge_host_access": one.edge_host_access != other.edge_host_access,
-        }
-        for path in [f"{draft.path}.robot_namespace_{word}" for word, differs in said.items() if differs]:
-            found = f"differs from the one of {other.name}, and both have the namespace fleet"
-            yield Problem(path, found, "the same for all of them")
+        if draft.robot.edge_host_access != at_fleets[0].robot.edge_host_access:
+            found = f"differs from the one of {at_fleets[0].robot.name}, and both have the namespace fleet"
+            yield Problem(f"{draft.path}.robot_namespace_edge_host_access", found, "the same for all of them")
     for path, app in [(path, app) for draft in drafts for path, app, _raw in draft.apps if app.scope == "fleet"]:
         first, same = apps.setdefault(app.name, (path, app))
         if app != same:

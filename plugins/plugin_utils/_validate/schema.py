@@ -74,7 +74,6 @@ FORMS: dict[str, object] = {
     "node_labels": kind_of(Mapping[Annotated[str, KNOWN["label-name"]], Annotated[str, KNOWN["label-value"]]]),
     "node_taints[].key": text("label-name"),
     "node_taints[].value": text("label-value"),
-    "robot_namespace_network_policies": kind_of(bool),
     "robot_namespace_admits[]": text("network"),
     "robot_namespace_quota": kind_of(Quantities),
     **dict.fromkeys([f"robot_namespace_limits.{key}" for key in LIMITS], kind_of(Quantities)),

@@ -134,28 +134,24 @@ def test_what_runs_on_the_network_of_edge_hosts_reaches_its_robot(server: Server
     assert sources(server, "robot") == ["192.0.2.11/32", "10.42.1.0/24", *edge]
 
 
-@pytest.mark.parametrize("more", [{"mode": "standalone"}, {"network_policies": False}])
-def test_where_nobody_has_to_know_it_is_not_asked_for(
-    server: Server, api: dict[str, Any], more: dict[str, Any]
-) -> None:
+def test_of_a_standalone_robot_nobody_has_to_know_it(server: Server, api: dict[str, Any]) -> None:
     """What comes from a pod's own node reaches it anyway."""
-    made = fleet_of(robot(APP, **more))
+    made = fleet_of(robot(APP, mode="standalone"))
     name = made["fleet"]["hosts"]["robot1"]["cluster"]
     server.put("/api/v1/namespaces/kube-system/configmaps/rosops-fleet", Identity("production", name).as_object())
     assert outcome(update(api, "namespace", **made))["outcome"] == "updated"
     assert times_asked(server) == 0
 
 
-def test_policies_that_are_switched_off_go(server: Server, api: dict[str, Any]) -> None:
-    update(api, "namespace")
-    off = fleet_of(robot(APP, network_policies=False))
-    told = update(api, "namespace", check_mode=True, **off)
-    gone = [entry["before_header"] for entry in told["diff"]]
-    assert gone == ["NetworkPolicy robot-robot1/robot", "NetworkPolicy robot-robot1/ros-keeper"]
-    assert server.find(f"{POLICIES}/robot")
-    assert outcome(update(api, "namespace", **off))["reason"] == ", ".join(gone)
-    assert not server.lists[POLICIES]
-    assert not update(api, "namespace", **off)["changed"]
+def test_policies_that_nobody_wants_go(server: Server, api: dict[str, Any]) -> None:
+    web = {**APP, "ports": [{"name": "web", "port": 80}]}
+    update(api, "namespace", **fleet_of(robot(web)))
+    told = update(api, "namespace", check_mode=True, **fleet_of(robot(APP)))
+    gone = [entry["before_header"] for entry in told["diff"] if "NetworkPolicy" in entry["before_header"]]
+    assert gone == [f"NetworkPolicy robot-robot1/{APP['name']}.ports"]
+    assert server.find(f"{POLICIES}/{APP['name']}.ports")
+    assert gone[0] in outcome(update(api, "namespace", **fleet_of(robot(APP))))["reason"]
+    assert not server.find(f"{POLICIES}/{APP['name']}.ports")
 
 
 # --- what cannot go well --------------------------------------------------------------------------------------------

@@ -53,8 +53,11 @@ def test_every_field_survives() -> None:
         quota={"pods": 2},
         limits={"max": {"cpu": 2}},
         pod_security="baseline",
+        edge_host_access=True,
+        admits=["192.0.2.0/24"],
         pull_secrets=[{"name": "login", "registry": "r", "username": "u", "password": "hush"}],
     )  # fmt: skip
+    made = dataclasses.replace(made, old_labels=("talker",))
     fact = json.loads(json.dumps(plain(made)))
     assert read(Robot, fact) == made
     app = made.apps[0]

@@ -273,11 +273,6 @@ def test_hosts_of_which_nobody_knows_the_address() -> None:
     assert "robot-robot1" not in [one["metadata"]["name"] for one in shared]  # of nobody, which would be of everybody
 
 
-@pytest.mark.parametrize("master", [{}, SHARED])
-def test_switched_off(master: dict[str, Any]) -> None:
-    assert network_policies(robot(*APPS, master=master, network_policies=False), HOSTS["robot1"]) == []
-
-
 def test_no_rule_is_for_everybody_by_mistake() -> None:
     """Neither an empty list of sources nor one of ports, and no two policies of one name."""
     named = [app(name, ports=[{"name": "web", "port": 1}], overrides=scraped()) for name in ("robot", "fleet")]

@@ -360,14 +360,10 @@ def gone(before: Robot, now: Robot, running: Robot | None = None, *parts: str) -
         (robot(WEB), robot(WEB), []),
         (robot(WEB), robot(app("web")), ["robot-robot1/web.ports"]),
         (robot(WEB), robot(), ["robot-robot1/web.ports"]),
-        (robot(WEB), robot(WEB, network_policies=False),
-         ["robot-robot1/robot", "robot-robot1/ros-keeper", "robot-robot1/web.ports"]),
         (robot(WEB, MAP, master=SHARED), robot(WEB, MAP, master=SHARED), []),
         (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), []),  # which another robot may have
         # of two robots, what one admits
         (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED), ["fleet/robot-robot1"]),
-        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED, network_policies=False),
-         ["fleet/fleet", "fleet/robot-robot2", "fleet/ros-keeper", "robot-robot1/robot", "fleet/robot-robot1"]),
     ],
 )  # fmt: skip
 def test_policies_that_are_not_wanted_any_more(before: Robot, now: Robot, unwanted: list[str]) -> None:
@@ -379,6 +375,4 @@ def test_parts_that_have_no_policies_take_none_away() -> None:
 
 
 def test_an_app_that_nobody_has_taken_away_stays_open() -> None:
-    """Unless there are to be no policies at all."""
     assert gone(robot(WEB), robot(), running=robot(WEB)) == []
-    assert "robot-robot1/web.ports" in gone(robot(WEB), robot(network_policies=False), running=robot(WEB))

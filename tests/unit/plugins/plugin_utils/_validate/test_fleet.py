@@ -173,16 +173,13 @@ def test_unused_volume_and_moving_master_image_are_warned_of() -> None:
 def test_what_no_network_policy_holds_is_warned_of(app: dict[str, Any], robot: dict[str, Any], told: str) -> None:
     report = check(app, **robot)
     assert (lines(report), [one.line() for one in report.warnings]) == ("", [told])
-    assert check(app, **robot, robot_namespace_network_policies=False).warnings == []
 
 
 def test_networks_that_are_admitted_are_the_robot_s() -> None:
-    """Without `robot_namespace_network_policies` there are such."""
     report = check({}, robot_namespace_admits=["192.0.2.0/24", "2001:db8::7/128"])
     assert lines(report) == ""
     assert report.fleet is not None
     assert report.fleet.robots["robot1"].admits == ("192.0.2.0/24", "2001:db8::7/128")
-    assert report.fleet.robots["robot1"].network_policies
 
 
 def test_a_device_that_two_apps_drive_is_warned_of() -> None:
