@@ -34,13 +34,9 @@ func runNetworkPolicies(ctx context.Context, c *config, kube kubernetes.Interfac
 	}
 	// Nobody asks how it is, but it waits until it could say so.
 	beats := make(chan *healthcheck.ControllerHeartbeat)
+	defer close(beats)
 	go func() {
-		for {
-			select {
-			case <-ctx.Done():
-				return
-			case <-beats:
-			}
+		for range beats {
 		}
 	}()
 	// It takes what it does not know for allowed, so it begins when it has heard of everything.
@@ -50,6 +46,7 @@ func runNetworkPolicies(ctx context.Context, c *config, kube kubernetes.Interfac
 	var running sync.WaitGroup
 	running.Add(1)
 	controller.Run(beats, ctx.Done(), &running)
+	running.Wait()
 }
 
 func newPolicyController(c *config, kube kubernetes.Interface, factory informers.SharedInformerFactory) (*netpol.NetworkPolicyController, error) {

@@ -19,7 +19,7 @@ import (
 func standInTools(t *testing.T) (restored func(tool string) string) {
 	t.Helper()
 	directory := t.TempDir()
-	keep := `if [ "$1" != --help ]; then cat > "$0.new" && mv "$0.new" "$0.restored"; fi`
+	keep := `/bin/cat > "$0.new" && /bin/mv "$0.new" "$0.restored"`
 	for name, script := range map[string]string{
 		"iptables":         `case "$*" in *--version*) echo "iptables v1.8.9 (nf_tables)";; *" -C "*) exit 1;; esac`,
 		"iptables-save":    `echo "*filter"; echo COMMIT`,
@@ -30,7 +30,7 @@ func standInTools(t *testing.T) (restored func(tool string) string) {
 			t.Fatal(err)
 		}
 	}
-	t.Setenv("PATH", directory+":"+os.Getenv("PATH"))
+	t.Setenv("PATH", directory) // never the real ones
 	return func(tool string) string {
 		content, _ := os.ReadFile(filepath.Join(directory, tool+".restored"))
 		return string(content)
@@ -80,8 +80,15 @@ func TestNetworkPolicies(t *testing.T) {
 		},
 	)
 	ctx, cancel := context.WithCancel(context.Background())
-	defer cancel()
-	go runNetworkPolicies(ctx, &config{NodeName: "this"}, kube)
+	ended := make(chan struct{})
+	go func() {
+		runNetworkPolicies(ctx, &config{NodeName: "this"}, kube)
+		close(ended)
+	}()
+	t.Cleanup(func() {
+		cancel()
+		<-ended
+	})
 	if err := poll(ctx, 10*time.Millisecond, 30*time.Second, func() (bool, error) {
 		return restored("iptables-restore") != "", nil
 	}); err != nil {
