@@ -2,6 +2,8 @@ package main
 
 import (
 	"context"
+	"encoding/json"
+	"net/http/httptest"
 	"os"
 	"path/filepath"
 	"strings"
@@ -109,6 +111,17 @@ func TestNetworkPolicies(t *testing.T) {
 	for address, wanted := range map[string]bool{"10.42.1.5": true, "10.42.1.7": true, "10.42.1.6": false} {
 		if strings.Contains(sets, " "+address+" ") != wanted {
 			t.Errorf("%s among the sources is not %v:\n%s", address, wanted, sets)
+		}
+	}
+}
+
+func TestAgentsAreToldWhatTheServerIsTold(t *testing.T) {
+	for _, disabled := range []bool{true, false} {
+		answer := httptest.NewRecorder()
+		(&supervisor{config: &config{DisableNetworkPolicy: disabled}}).serveConfig(answer, nil)
+		told := clusterConfig{DisableNPC: !disabled}
+		if err := json.Unmarshal(answer.Body.Bytes(), &told); err != nil || told.DisableNPC != disabled {
+			t.Errorf("%v: told %q, %v", disabled, answer.Body, err)
 		}
 	}
 }
