@@ -19,12 +19,12 @@ func load(t *testing.T, server bool, text string, args ...string) (*config, erro
 }
 
 func TestConfig(t *testing.T) {
-	c, err := load(t, true, "write-kubeconfig-mode: \"0640\"\ntls-san: [a]\ndisable: [traefik]\ncluster-init: true\n",
+	c, err := load(t, true, "write-kubeconfig-mode: \"0640\"\ntls-san: [a]\ndisable: [traefik]\ncluster-init: true\ndisable-network-policy: true\n",
 		"--cluster-reset", "--cluster-reset-restore-path=/x")
 	if err != nil {
 		t.Fatal(err)
 	}
-	if c.kubeconfigMode != 0o640 || !slices.Equal(c.TLSSANs, []string{"a"}) || !c.ClusterInit || c.resetRestore != "/x" {
+	if c.kubeconfigMode != 0o640 || !slices.Equal(c.TLSSANs, []string{"a"}) || !c.ClusterInit || !c.DisableNetworkPolicy || c.resetRestore != "/x" {
 		t.Errorf("got %+v", c)
 	}
 }
@@ -46,6 +46,7 @@ func TestConfigRefusals(t *testing.T) {
 		{true, "", "leftover", `takes no argument "leftover"`},
 		{false, "", "--cluster-reset", "not defined: -cluster-reset"},
 		{false, "token-file: /etc/hostname", "", "--server is required"},
+		{false, "server: https://a\ndisable-network-policy: true", "", "as its server was told to"},
 		{false, "token-file: /etc/hostname\nserver: http://a:6443", "", "not an https:// URL"},
 	} {
 		var args []string

@@ -3,6 +3,7 @@ module rosops.example/labk3s
 go 1.24.0
 
 require (
+	github.com/cloudnativelabs/kube-router/v2 v2.1.0
 	github.com/coredns/coredns v1.12.4
 	github.com/coreos/go-systemd/v22 v22.5.0
 	github.com/spf13/cobra v1.9.1

@@ -182,7 +182,12 @@ func syncFirewall() error {
 		if _, err := tables.EnsureRule(iptables.Append, r.table, r.chain, strings.Fields(r.match)...); err != nil {
 			return err
 		}
-		if _, err := tables.EnsureRule(iptables.Prepend, r.table, r.from, "-j", string(r.chain)); err != nil {
+		position := iptables.Prepend
+		if r.table == iptables.TableFilter {
+			// Behind what refuses by a NetworkPolicy, as flannel's chain is.
+			position = iptables.Append
+		}
+		if _, err := tables.EnsureRule(position, r.table, r.from, "-j", string(r.chain)); err != nil {
 			return err
 		}
 	}
