@@ -15,7 +15,7 @@ from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG, without_sec
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import plain
-from ..plugin_utils._k3s.wanted import Wanted, tokens_to_keep, wanted
+from ..plugin_utils._k3s.wanted import Wanted, enrolled, tokens_to_keep, wanted
 from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, keep, kubeconfig_head, local_kubeconfig
 from ..plugin_utils._objects.revocation import described, policy_name, refusal_of
 from ..plugin_utils._upstream import ansible_core
@@ -76,7 +76,7 @@ class ActionModule(FleetAction):
         for server in plan["givers"]:
             try:
                 if _on(self, known, server, "kubectl", "get", policies, policy, "--ignore-not-found", "-o", "name"):
-                    if host not in variables["k3s_enrol"]:
+                    if not enrolled(variables, host):
                         raise SpecError(f"{host} gets no token: {refusal_of(node)}")
                     _on(self, known, server, "kubectl", "delete", policies, policy, "--ignore-not-found")
                 return _on(self, known, server, "token", "create", "--ttl", LASTS, "--description", described(node))
