@@ -58,8 +58,8 @@ class ActionModule(ClusterAction):
             done += _swept(kube, node, params["timeout"], check)
         gone = [
             f"its tokens to join the cluster: {len(tokens)} that had not ended, and k3s makes none for it",
-            f"its kubelet's certificate: the API server refuses whatever {user_of(node)} writes, the Node is gone, and "
-            "with it whatever it might read but the names of nodes and Services",
+            f"its kubelet's certificate: the API server refuses whatever {user_of(node)} writes, it may read no Secret "
+            "and no ConfigMap of ours any more, and k3s gives it no other one",
             f"the tokens of the pods on it: {', '.join(accounts) or 'it has none any more'}",
         ]
         return self._told(known, done, gone, left_to_user(robot, said, secrets, everywhere))

@@ -75,8 +75,8 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     return {
         **work,
         "works": works,
-        # nor can one serve that is not let in any more
-        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven) and not wanted.anew),
+        # one that is not let in any more will never serve
+        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven) and not joins),
         "down": bool(now["data"] and not up),
         "any": any(work.values()),
         "undone": any(value for name, value in work.items() if name != "wait"),
@@ -96,11 +96,11 @@ def old_archives(now: Result, source: Artifacts) -> list[str]:
 def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
     """Sentences; `now` is what k3s_facts found."""
     role, servers, tokens = variables["k3s_role"], variables["k3s_server_hosts"], now["tokens"]
+    cluster = f"the cluster {variables['k3s_cluster']} runs with"
     if tokens["server"] == "differs":
         yield (
-            f"k3s_token is not the token that the cluster {variables['k3s_cluster']} runs with: with another one its "
-            "servers do not start, for they keep the cluster's own keys in the datastore under it. Take k3s_token out "
-            "of the inventory to keep it."
+            f"k3s_token is not the token that {cluster}: with another one its servers do not start, for they keep the "
+            "cluster's own keys in the datastore under it. Take k3s_token out of the inventory to keep it."
         )
     if "lost" in tokens.values():
         yield (

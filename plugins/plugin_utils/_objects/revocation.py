@@ -104,7 +104,9 @@ def left_to_user(
         "the passwords that k3s_environment and the user's own files on it hold, and keys of a VPN",
         "its SSH host key in known_hosts, and each SSH key that it has of its own",
         "the agents' token (k3s_agent_token), where it joined by a collection that gave that to robots",
-        "what is on its disk: claims, images, logs; and its way in: close 6443, 8472 and 51820 of the edge to it",
+        "its way to the edge, whose ports 6443, 8472 and 51820 are to be closed to it: until its certificates end it may "
+        "list pods, with the variables that are in them as text, Services and namespaces, and send into the pods' network",
+        "what is on its disk: claims, images, logs",
     ]
 
 

@@ -98,6 +98,11 @@ def planned(
             {"init": False, "tokens": ("agent-token",), "anew": True},
             {"unsure": False, "guarded": False, "restart": True},
         ),
+        (
+            {"lapsed": True, "ready": False, "service__active": "activating"},
+            {"init": False, "tokens": ("agent-token",)},
+            {"unsure": False, "guarded": False, "restart": True},
+        ),
         ({"images": {}}, {}, {"archive": True, "start": False, "any": True}),
         ({"images": {"k3s-airgap-images-amd64-0123456789ab.tar": 5}}, {}, {"archive": True}),
         ({"images": {}}, {"source": NO_ARCHIVE}, {"archive": False, "any": False}),
