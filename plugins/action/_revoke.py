@@ -66,12 +66,12 @@ class ActionModule(ClusterAction):
 
     def _told(self, known: Variables, done: list[Applied], gone: list[str], left: list[str]) -> Result:
         result = written(done)
-        would = "is" if not self._task.check_mode else "would be"
-        lines = [f"worth nothing {would}:", *(f"  {one}" for one in gone), "for you to change:"]
-        self.say(known)("\n".join([*lines, *(f"  {one}" for one in left)]))
-        word = UPDATED if result["changed"] else UNCHANGED
-        reason = f"worth nothing {would} {'; '.join(gone)}. For you to change: {'; '.join(left)}"
-        return {**result, "gone": gone, "left": left, "outcome": RobotOutcome(word, reason).as_dict()}
+        first = "Worth nothing, once this is done" if self._task.check_mode else "Worth nothing"
+        parts = ((first, gone), ("For you to change", left))
+        self.say(known)("\n".join("\n  ".join([f"{what}:", *lines]) for what, lines in parts))
+        reason = ". ".join(f"{what}: {'; '.join(lines)}" for what, lines in parts)
+        outcome = RobotOutcome(UPDATED if result["changed"] else UNCHANGED, reason)
+        return {**result, "gone": gone, "left": left, "outcome": outcome.as_dict()}
 
 
 def _pods(kube: Kube, node: str) -> list[Object]:

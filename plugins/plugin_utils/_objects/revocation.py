@@ -14,7 +14,7 @@ The password of the Node (`<node>.node-password.k3s`) guards nothing here: k3s d
 from __future__ import annotations
 
 from base64 import b64decode
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from ...module_utils._common.documents import Variables
@@ -27,6 +27,7 @@ from .parts import APPS, MASTER, workload_objects
 REVOKER = "rosops.fleet.revoke"  # as holder of the robot's Lease, too
 NODES = "system:nodes"  # the group of all kubelets
 SYSTEM = "kube-system"
+NAMING = ("secretKeyRef", "secretRef", "secret")  # what is in them names a Secret
 
 
 def policy_name(node: str) -> str:
@@ -46,7 +47,7 @@ def user_of(node: str) -> str:
 
 def refusal_of(node: str) -> str:
     """What whoever comes under its name is told."""
-    return f"the node {node} is revoked ({REVOKER}). k3s_enrol={node}, with its inventory name, takes it in again"
+    return f"the node {node} is revoked ({REVOKER}); k3s_enrol takes it in again, by its inventory name"
 
 
 def revocation_objects(node: str) -> list[Object]:
@@ -95,41 +96,37 @@ def left_to_user(
     named = {f"{one['metadata'].get('namespace', '')}/{name}" for one in ours for name in _secret_names(one)}
     named |= {f"{robot.namespace}/{name}" for name in robot.pull_secrets}
     named |= {f"{one['metadata']['namespace']}/{one['metadata']['name']}" for one in secrets}
-    registries = variables["k3s_registries"].get("configs") or {}
+    registries = sorted(variables["k3s_registries"].get("configs") or {})
     keys = sorted(key for key in variables["k3s_config"] if key.startswith("vpn"))
-    return [
+    left = [
         *(f"Secret {name}" for name in sorted(named)),
-        *(f"the login for the registry {name} (k3s_registries)" for name in sorted(registries)),
+        *(f"the login for {name} (k3s_registries)" for name in registries),
         *(f"what k3s_config says as {key}" for key in keys),
-        "the passwords that k3s_environment and the user's own files on it hold, and keys of a VPN",
-        "its SSH host key in known_hosts, and each SSH key that it has of its own",
-        "the agents' token (k3s_agent_token), where it joined by a collection that gave that to robots",
-        "its way to the edge, whose ports 6443, 8472 and 51820 are to be closed to it: until its certificates end it may "
-        "list pods, with the variables that are in them as text, Services and namespaces, and send into the pods' network",
+        "its SSH host key, its own SSH keys, keys of a VPN, passwords in k3s_environment",
         "what is on its disk: claims, images, logs",
     ]
+    if robot.mode == "agent":
+        left += [
+            "the agents' token (k3s_agent_token), where it joined by a collection that gave that to robots",
+            "its way to the edge: close the ports 6443, 8472 and 51820 to it. Until its certificates end it may list "
+            "pods with their plain variables, Services and namespaces there",
+        ]
+    return left
 
 
 def _secret_names(item: Any) -> Iterator[str]:
     """Names of the Secrets that an object names, wherever."""
-    for value in _inner(item):
-        if not isinstance(value, Mapping):
-            continue
-        if value.get("secretName"):
-            yield str(value["secretName"])
-        for key in ("secretKeyRef", "secretRef", "secret"):
-            if isinstance(value.get(key), Mapping) and value[key].get("name"):
-                yield str(value[key]["name"])
-        yield from (str(one["name"]) for one in value.get("imagePullSecrets") or () if one.get("name"))
-
-
-def _inner(item: Any) -> Iterator[Any]:
-    """The item, and all that is in it."""
-    yield item
-    parts: Sequence[Any] = ()
-    if isinstance(item, Mapping):
-        parts = [*item.values()]
-    elif isinstance(item, (list, tuple)):
-        parts = item
-    for part in parts:
-        yield from _inner(part)
+    if isinstance(item, (list, tuple)):
+        for one in item:
+            yield from _secret_names(one)
+    if not isinstance(item, Mapping):
+        return
+    for key, value in item.items():
+        if key == "secretName":
+            yield str(value)
+        elif key == "imagePullSecrets":
+            yield from (str(one["name"]) for one in value)
+        elif key in NAMING and "name" in value:
+            yield str(value["name"])
+        else:
+            yield from _secret_names(value)

@@ -220,7 +220,7 @@ func TestTokenCommand(t *testing.T) {
 	if left := time.Until(ends); err != nil || left < 58*time.Minute || left > time.Hour {
 		t.Errorf("it ends at %s: %v", ends, err)
 	}
-	if got := run("list", "-o", "json"); !strings.Contains(got, `"description":"robot2"`) || strings.Contains(got, secret) {
+	if got := run("list", "-o", "json"); !strings.Contains(got, `"description":"robot2"`) || !strings.Contains(got, made.secret) {
 		t.Errorf("listed %s", got)
 	}
 	run("delete", id)

@@ -75,7 +75,7 @@ func runToken(ctx context.Context, kube kubernetes.Interface, ca []byte, args []
 		listed := []map[string]string{}
 		for _, secret := range found.Items {
 			listed = append(listed, map[string]string{
-				"token":       string(secret.Data[bootstrapapi.BootstrapTokenIDKey]),
+				"token":       string(secret.Data[bootstrapapi.BootstrapTokenIDKey]) + "." + string(secret.Data[bootstrapapi.BootstrapTokenSecretKey]),
 				"description": string(secret.Data[bootstrapapi.BootstrapTokenDescriptionKey]),
 				"expires":     string(secret.Data[bootstrapapi.BootstrapTokenExpirationKey]),
 			})

@@ -42,8 +42,10 @@ def test_one_that_was_revoked_is_not_waited_for(server: Server, api: dict[str, A
     """Its Node will not come, and whoever comes under its name may be a thief."""
     binding = "/apis/admissionregistration.k8s.io/v1/validatingadmissionpolicybindings/rosops-fleet-revoked-robot1"
     server.put(binding, {"metadata": {}})
-    refused = apply(api)
-    assert refused["failed"] and "the node robot1 is revoked (rosops.fleet.revoke). k3s_enrol=robot1" in refused["msg"]
+    for check_mode in (True, False):
+        refused = apply(api, check_mode)
+        assert refused["failed"]
+        assert "the node robot1 is revoked (rosops.fleet.revoke); k3s_enrol takes it" in refused["msg"]
     assert not server.writes
 
 

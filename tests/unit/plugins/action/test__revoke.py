@@ -84,7 +84,11 @@ def test_nothing_is_left_of_its_rights(
     assert cluster.find(LEASE)["spec"]["holderIdentity"] == "rosops.fleet.revoke"
     assert "observability/log-shipper, robot-robot2/ros-keeper" in result["gone"][2]
     said = capsys.readouterr().out
-    for named in ("Secret robot-robot2/cloud", "registry registry.lan (k3s_registries)", "k3s_config says as vpn-auth"):
+    for named in (
+        "Secret robot-robot2/cloud",
+        "login for registry.lan (k3s_registries)",
+        "k3s_config says as vpn-auth",
+    ):
         assert any(named in one for one in result["left"])
         assert named in said
         assert named in result["outcome"]["reason"]
@@ -128,4 +132,5 @@ def test_a_standalone_robot_is_not_asked(server: Server, api: dict[str, Any]) ->
         False, ["nothing: it was a cluster of its own, and no other one has given it any rights"],
     )  # fmt: skip
     assert any("registry.lan" in one for one in result["left"])
+    assert not any("6443" in one for one in result["left"])
     assert server.requests.empty()

@@ -29,7 +29,7 @@ def test_the_policy_is_about_one_node_and_whatever_it_writes() -> None:
         {"apiGroups": ["*"], "apiVersions": ["*"], "operations": ["*"], "resources": ["*/*"]}
     ]
     assert (spec["failurePolicy"], binding["spec"]["validationActions"]) == ("Fail", ["Deny"])
-    assert "k3s_enrol=robot2" in spec["validations"][0]["message"]
+    assert "; k3s_enrol takes it in again" in spec["validations"][0]["message"]
 
 
 def test_tokens_are_found_by_what_they_were_made_for() -> None:
@@ -73,5 +73,5 @@ def test_logins_and_keys_are_named_and_not_shown() -> None:
         "k3s_config": {"vpn-auth": "joinKey=secret!", "node-label": ["a=b"]},
     }
     left = left_to_user(robot(), variables)
-    assert left[:2] == ["the login for the registry registry.lan (k3s_registries)", "what k3s_config says as vpn-auth"]
+    assert left[:2] == ["the login for registry.lan (k3s_registries)", "what k3s_config says as vpn-auth"]
     assert "secret!" not in str(left)
