@@ -108,7 +108,10 @@ def _fenced(kube: Kube, namespace: str, check: bool) -> list[Applied]:
 
 
 def _swept(kube: Kube, node: str, timeout: float, check: bool) -> list[Applied]:
-    """Delete its Node and its pods, until there is none: the scheduler may have bound one in between."""
+    """Delete its Node and its pods, until none is there twice.
+
+    The scheduler may bind one in between, and on another server the policy may be in force a moment later.
+    """
     done: list[Applied] = []
 
     def sweep() -> Seen:
@@ -118,7 +121,7 @@ def _swept(kube: Kube, node: str, timeout: float, check: bool) -> list[Applied]:
         done.extend(changed)
         return Seen(WAIT if changed and not check else PASS, ", ".join(str(one.ref) for one in changed))
 
-    polled = poll(sweep, timeout, 1.0)
+    polled = poll(sweep, timeout, 1.0, 1 if check else 2)
     if polled.verdict != PASS:
         raise NotReadyError(f"These come again or do not go, after {timeout:.0f} s: {polled.last}")
     return done

@@ -104,6 +104,7 @@ def left_to_user(
         *(f"what k3s_config says as {key}" for key in keys),
         "its SSH host key, its own SSH keys, keys of a VPN, passwords in k3s_environment",
         "what is on its disk: claims, images, logs",
+        "its line in the inventory: where it can be reached, runs bring it whatever you change there",
     ]
     if robot.mode == "agent":
         left += [

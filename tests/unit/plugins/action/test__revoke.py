@@ -69,7 +69,7 @@ def _at_once(poll: Callable[..., Any]) -> Callable[..., Any]:
     """The same without its clock."""
     time = iter(range(10**6))
     clock: dict[str, Any] = {"now": lambda: next(time), "sleep": lambda _seconds: None}
-    return lambda probe, timeout, interval: poll(probe, timeout, interval, **clock)
+    return lambda probe, timeout, interval, *more: poll(probe, timeout, interval, *more, **clock)
 
 
 def test_nothing_is_left_of_its_rights(
