@@ -65,11 +65,12 @@ class ActionModule(ClusterAction):
         return self._told(known, done, gone, left_to_user(robot, said, secrets, everywhere))
 
     def _told(self, known: Variables, done: list[Applied], gone: list[str], left: list[str]) -> Result:
-        result = written(done)
-        first = "Worth nothing, once this is done" if self._task.check_mode else "Worth nothing"
-        parts = ((first, gone), ("For you to change", left))
-        self.say(known)("\n".join("\n  ".join([f"{what}:", *lines]) for what, lines in parts))
-        reason = ". ".join(f"{what}: {'; '.join(lines)}" for what, lines in parts)
+        result, when = written(done), "once this is done" if self._task.check_mode else "now"
+        parts = ((f"worth nothing {when}", gone), ("for you to change", left))
+        listed = "\n".join("\n  ".join([f"{what}:", *lines]) for what, lines in parts)
+        self.say(known)(listed)
+        # its first line is what a table has room for
+        reason = f"what it holds is worth nothing {when}; {len(left)} things are for you to change\n\n{listed}"
         outcome = RobotOutcome(UPDATED if result["changed"] else UNCHANGED, reason)
         return {**result, "gone": gone, "left": left, "outcome": outcome.as_dict()}
 

@@ -91,6 +91,8 @@ def taken_in_again(fleet: Fleet) -> Iterator[None]:
     said = {**fleet.variables, "k3s_enrol": THIEF}
     back = fleet.playbooks.run("site", said, *HERE, "--tags", "preflight,k3s,images,node")
     assert back.status == 0, back
+    # its apps at the edge are registered nowhere: what knew of them was on the robot
+    client.CoreV1Api().delete_collection_namespaced_pod(NAMESPACE)
     fleet.wait_settled(240)
 
 
