@@ -93,7 +93,7 @@ def taken_in_again(fleet: Fleet) -> Iterator[None]:
     assert back.status == 0, back
     # its apps at the edge are registered nowhere: what knew of them was on the robot
     client.CoreV1Api().delete_collection_namespaced_pod(NAMESPACE)
-    fleet.wait_settled(240)
+    fleet.wait_settled(300)
 
 
 @pytest.fixture
