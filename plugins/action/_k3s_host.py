@@ -10,12 +10,17 @@ from pathlib import Path
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
-from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG
+from ..module_utils._common.errors import FleetError, KubeError, SpecError
+from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG, without_secrets
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import plain
-from ..plugin_utils._k3s.wanted import Wanted, tokens_to_keep, wanted
+from ..plugin_utils._k3s.wanted import Wanted, enrolled, tokens_to_keep, wanted
 from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, keep, kubeconfig_head, local_kubeconfig
+from ..plugin_utils._objects.revocation import described, policy_name, refusal_of
+from ..plugin_utils._upstream import ansible_core
+
+LASTS = "1h"  # a token for the join of one agent; one that did not get there in time gets another one
 
 
 class ActionModule(FleetAction):
@@ -37,7 +42,11 @@ class ActionModule(FleetAction):
         host = ActionHost(self, known, check_mode=check)
         if params["do"] == "files":
             read = plain(self._templar.template(known.get(params["registered"], {}))).get("results", [])
-            return self._files(plan, tokens_to_keep(plan["tokens"], read, variables), variables, known)
+            if variables["k3s_role"] == "server":
+                tokens = tokens_to_keep(plan["tokens"], read, variables)
+            else:
+                tokens = {name: "" if check else self._token(plan, variables, known) for name in plan["tokens"]}
+            return self._files(plan, tokens, variables, known)
         if params["do"] == "download":  # through the proxies that k3s itself goes through; a password in one is on no
             source = {name: plan["source"][name] for name in ("url", "sha256", "sums")}  # command line so
             asked = {**source, "dest": BINARY + plan["staged"]}
@@ -54,6 +63,29 @@ class ActionModule(FleetAction):
         if found.get("failed") or set(variables["k3s_server_hosts"]) - set(known["ansible_play_hosts_all"]):
             return found
         return {**found, **_forgotten(part, variables["k3s_cluster"], bool(found["changed"]), check)}
+
+    def _token(self, plan: Arguments, variables: Variables, known: Variables) -> str:
+        """A token for this host. A server of its cluster makes it (`k3s token create`), and it ends.
+
+        An agent of k3s needs it for the join alone. When it starts again it shows its node's certificate, and gets new
+        ones for that as long as the cluster has its Node: k3s-io/k3s, docs/adrs/agent-join-token.md, pull request 6663
+        (since 1.26.2), pkg/nodepassword/validate.go.
+        """
+        host, node, problems = known["inventory_hostname"], variables["k3s_node_name"], []
+        policies, policy = "validatingadmissionpolicybinding,validatingadmissionpolicy", policy_name(node)
+        for server in plan["givers"]:
+            try:
+                if _on(self, known, server, "kubectl", "get", policies, policy, "--ignore-not-found", "-o", "name"):
+                    if not enrolled(variables, host):
+                        raise SpecError(f"{host} gets no token: {refusal_of(node)}")
+                    _on(self, known, server, "kubectl", "delete", policies, policy, "--ignore-not-found")
+                return _on(self, known, server, "token", "create", "--ttl", LASTS, "--description", described(node))
+            except KubeError as error:
+                problems.append(f"{server}: {error}")
+        raise FleetError(
+            f"{host} has not joined the cluster {variables['k3s_cluster']} yet. To join, it needs a token, which no "
+            f"server of that could make (is one on, and k3s installed on it?): {'; '.join(problems)}"
+        )
 
     def _files(self, plan: Arguments, tokens: Mapping[str, str], variables: Variables, known: Variables) -> Result:
         """Write the tokens, and write and delete the files that the plan names. What may hold passwords has no diff.
@@ -79,6 +111,15 @@ class ActionModule(FleetAction):
             result["diff"] += diffs if isinstance(diffs, list) else [diffs]
             result["changed"] |= bool(one.get("changed"))
         return result
+
+
+def _on(action: FleetAction, known: Variables, server: str, *arguments: str) -> str:
+    """What k3s on a server said to this; KubeError where it said nothing of use. Nothing of it is shown."""
+    command = {"ansible.builtin.command": {"argv": [BINARY, *arguments]}, "delegate_to": server}
+    found = ansible_core.run_task(action, known, {**command, "become": True, "no_log": True, "check_mode": False})
+    if found.get("failed") or found.get("unreachable"):
+        raise KubeError(without_secrets(str(found.get("stderr") or found.get("msg") or "it failed").strip()[-300:]))
+    return str(found["stdout"]).strip()
 
 
 def _fetched(host: ActionHost, part: Wanted, cluster: str, there: bool, check: bool) -> Result:

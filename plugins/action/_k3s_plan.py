@@ -30,7 +30,9 @@ class ActionModule(FleetAction):
         host = ActionHost(self, known)
         servers = [] if part.init else _addresses(variables, known["hostvars"])
         asked = {"role": variables["k3s_role"], "files": list(part.started_with), "servers": servers}
-        tokens = {"token": variables["k3s_token"], "agent_token": variables["k3s_agent_token"]}
+        # an agent has one of its own, which the inventory does not know
+        for_agents = variables["k3s_agent_token"] if variables["k3s_role"] == "server" else ""
+        tokens = {"token": variables["k3s_token"], "agent_token": for_agents}
         now = host.job("k3s_facts", asked, tokens)
         if now.get("failed") or now.get("unreachable"):
             return now
@@ -74,7 +76,7 @@ def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> 
         "installed": now["service"]["installed"],
         # a first server without a datastore would start a second cluster where one of these has one
         "rivals": servers[1:] if part.init and not now["data"] else [],
-        "join": [] if part.init else work["tokens"],
+        "join": work["tokens"] if variables["k3s_role"] == "server" and not part.init else [],
         "joins": part.url,
         "etcd": now["etcd"],
         "cgroup_refused": now["cgroup_refused"],

@@ -18,6 +18,7 @@ from ..plugin_utils._kube.connection import anew
 from ..plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
 from ..plugin_utils._model import names
 from ..plugin_utils._objects.node import evicted, evicting, node_object, taints_patch, unplaced
+from ..plugin_utils._objects.revocation import policy_name, refusal_of
 
 
 class ActionModule(ClusterAction):
@@ -33,8 +34,11 @@ class ActionModule(ClusterAction):
     def work(self, params: Arguments, known: Variables) -> Result:
         ref, node, check = Ref("Node", params["name"], "", "v1"), _node(params), self._task.check_mode
         with self.cluster(params, known) as kube:
-            if check and kube.get(ref) is None:
-                return self.foresee(params, known)
+            if kube.get(ref) is None:
+                if kube.get(Ref("ValidatingAdmissionPolicyBinding", policy_name(ref.name))):
+                    raise SpecError(f"It was left as it is: {refusal_of(ref.name)}.")
+                if check:
+                    return self.foresee(params, known)
             # Applying a node that is not there would create one: the wait comes first.
             if not check and look_once(kube, [ref])["objects"][0]["verdict"] != PASS:
                 wait_for_rollout(kube, [ref], WaitOptions(timeout=params["timeout"], say=self.say(known)))

@@ -36,6 +36,8 @@ RUN = {
     "::test_an_app_that_was_taken_out_goes_when_that_is_asked_for",
     r"PLAY (update|rollback) LIMIT( -e '\{\"update_apps\": \[\"\w+\"\]\}')?": f"{UPDATE}"
     "::test_rollback_to_the_previous_and_to_a_named_revision",
+    r"PLAY revoke -e robot=robot\d( --check)?": "tests/unit/playbooks/test_revoke.py"
+    "::test_a_robot_is_named_and_not_asked",
     r"PLAY guarded -e guarded_tasks=\$PWD/tasks/reboot\.yml( LIMIT)?": "tests/unit/playbooks/test_guarded_tasks.py"
     "::test_they_run_once_and_change_nothing_the_second_time",
     r"PLAY record LIMIT": REHEARSAL,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import re
 import socket
+import time
 from functools import partial
 from pathlib import Path
 from typing import Any, Dict, Iterable
@@ -29,6 +30,7 @@ from .k3s import (
 from .k3s_change import K3sChange
 
 Facts = Dict[str, object]  # as they are written as JSON
+TOKENS = ("token", "agent-token")
 
 V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 # where k3s's kubelet reads files of the operator's own
@@ -45,6 +47,8 @@ MODULES = ("vxlan", "ip_set")
 POLICIES = ("/usr/share/selinux/packages/k3s.pp", "/etc/selinux/targeted/active/modules/200/k3s")
 UFW_ON = re.compile(r"^ENABLED=yes\b", re.MULTILINE)
 KNOCK = 2.0  # seconds for a server of k3s
+KUBELET = f"{DATA_DIR}/agent/client-kubelet.crt"  # written anew at each start of an agent; it holds for a year
+LIFE = 360 * 86400.0
 SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
 
@@ -178,7 +182,7 @@ def k3s_leftovers(host: Host) -> dict[str, Any]:
         "server_url": server.group(1) if server else "",
         "node_password": host.exists("/etc/rancher/node/password"),
         "server_data": bool(host.names(f"{DATA_DIR}/server/db")),
-        "agent_data": host.exists(f"{DATA_DIR}/agent/client-kubelet.crt"),
+        "agent_data": host.exists(KUBELET),
         "units": list(units),
         "foreign_units": [unit for unit, text in units.items() if "rosops.fleet" not in text],
     }
@@ -257,8 +261,10 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     `agent_token` as the inventory gives them (empty: keep those that are there), and the `servers` as address:port.
 
     `stale`: k3s was started with other files. `data`: there is a datastore (server) or a node's certificate (agent); a
-    host without it says which servers are `answering`. `cgroup_refused`: k3s 1.35 and newer does not start here.
-    `tokens` are verdicts alone, and `change` is the last exchange.
+    host without it says which servers are `answering`. `lapsed`: the node's certificate is of no more use to it.
+    `cgroup_refused`: k3s 1.35 and newer does not start here. `tokens` are verdicts alone, and `change` is the last
+    exchange. The servers' token never changes; that for agents may become another one, which k3s itself has written
+    down only after its next start.
     """
     role, files, servers = asked["role"], asked["files"], asked["servers"]
     service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
@@ -268,6 +274,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     change, there = K3sChange(host.run, role).record(), k3s_leftovers(host)
     data = there["server_data" if role == "server" else "agent_data"]
     knocks = [] if data else reach(servers, KNOCK)
+    kept, known = ([host.read(f"{place}/{name}") for name in TOKENS] for place in (CONFIG_DIR, f"{DATA_DIR}/server"))
     return {
         "machine": os.uname().machine,
         "version": host.version(),
@@ -283,11 +290,10 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
         "ready": seen.verdict == PASS,
         "data": data,
         "etcd": role == "server" and host.path(ETCD).exists(),
+        "lapsed": role == "agent" and data and time.time() - host.path(KUBELET).stat().st_mtime > LIFE,
         "tokens": {
-            name: token_verdict(
-                asked[option], host.read(f"{CONFIG_DIR}/{file}"), host.read(f"{DATA_DIR}/server/{file}")
-            )
-            for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
+            "server": token_verdict(asked["token"], kept[0], known[0]),
+            "agent": token_verdict(asked["agent_token"], kept[1], "" if kept[1] else known[1]),
         },
         "server_url": there["server_url"],
         "cgroup_refused": cgroup(host)["refused"],

@@ -52,9 +52,15 @@ Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard
 
 
 def token_password(token: str) -> str:
-    """The part of a token that is the secret: the full form `K10<hash of the CA>::<user>:<password>` has more."""
+    """The part of a token that is the secret: the full form `K10<hash of the CA>::<user>:<password>` has more.
+
+    One of an agent's own has no user: `K10<hash of the CA>::<id>.<password>`.
+    """
     text = token.strip()
-    return text.split("::", 1)[1].partition(":")[2] if FULL_TOKEN.match(text) else text
+    if not FULL_TOKEN.match(text):
+        return text
+    said = text.split("::", 1)[1]
+    return said.partition(":")[2] or said
 
 
 def token_verdict(given: str, kept: str, cluster: str) -> str:

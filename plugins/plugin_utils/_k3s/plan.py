@@ -20,8 +20,8 @@ from .wanted import Artifacts, HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
-# verdicts of k3s_facts with which a token must be written
-WRITE = ("absent", "restore")
+# verdicts of k3s_facts with which a token must be written; that of the servers is the datastore's key
+WRITE = {"token": ("absent", "restore"), "agent-token": ("absent", "restore", "differs")}
 ARCHIVE = re.compile(r"k3s-airgap-images-.*-[0-9a-f]{12}[.]tar")
 
 
@@ -50,9 +50,9 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     """
     binary = now["files"][BINARY]["sha256"] != source.sha256 if source.sha256 else now["version"] != version
     verdicts = {"token": now["tokens"]["server"], "agent-token": now["tokens"]["agent"]}
-    # a host that has not joined takes all anew: those it has may be an earlier cluster's
-    joins = not wanted.init and not now["data"]
-    tokens = [name for name in wanted.tokens if joins or verdicts[name] in WRITE]
+    # a host that has not joined takes all anew: those it has may be an earlier cluster's, or have ended
+    joins = wanted.anew or (not wanted.init and (not now["data"] or now["lapsed"]))
+    tokens = [name for name in wanted.tokens if joins or verdicts[name] in WRITE[name]]
     changes = file_changes(wanted.files, now["files"])
     changed = bool(binary or tokens or any(changes.values()) or now["stale"])
     up = now["service"]["active"] in UP
@@ -75,7 +75,8 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     return {
         **work,
         "works": works,
-        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven)),
+        # one that is not let in any more will never serve
+        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven) and not joins),
         "down": bool(now["data"] and not up),
         "any": any(work.values()),
         "undone": any(value for name, value in work.items() if name != "wait"),
@@ -100,11 +101,6 @@ def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
         yield (
             f"k3s_token is not the token that {cluster}: with another one its servers do not start, for they keep the "
             "cluster's own keys in the datastore under it. Take k3s_token out of the inventory to keep it."
-        )
-    if tokens["agent"] == "differs":
-        yield (
-            f"k3s_agent_token is not the agents' token that {cluster}; agents that are off now would be locked out. "
-            "Take k3s_agent_token out of the inventory to keep it."
         )
     if "lost" in tokens.values():
         yield (

@@ -91,6 +91,7 @@ class Wanted:
     tokens: tuple[str, ...]  # names of the token files that it has, below /etc/rancher/k3s
     started_with: tuple[str, ...]  # if one of them is another one now, k3s must start again
     kubeconfig: str  # its path on the control node; empty where this host gives none
+    anew: bool = False  # it joins, though it has joined before
 
 
 def join_url(variables: Variables, hostvars: Mapping[str, Variables], now: Result) -> str:
@@ -145,7 +146,13 @@ def wanted(
     )
     path = variables["k3s_kubeconfig_path"]
     kubeconfig = str(Path(path).expanduser()) if init and path else ""
-    return Wanted(init, url, files, tokens, started_with, kubeconfig)
+    anew = role == "agent" and enrolled(variables, host)
+    return Wanted(init, url, files, tokens, started_with, kubeconfig, anew)
+
+
+def enrolled(variables: Variables, host: str) -> bool:
+    """Whether somebody named it as one that is to join anew."""
+    return host in variables["k3s_enrol"].split(",")
 
 
 def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:

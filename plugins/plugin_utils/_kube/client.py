@@ -120,15 +120,17 @@ class Kube(ApiConnection):
         part = {"metadata": {"managedFields": taken, "resourceVersion": there["metadata"]["resourceVersion"]}}
         return self._object("PATCH", ref.path, {"fieldManager": MANAGER}, part, MERGE)
 
-    def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
+    def delete(self, refs: Iterable[Ref], dry_run: bool = False, at_once: bool = False) -> list[Applied]:
         """Delete these, what they own in the background; what is not there is fine.
 
-        Where a uid is said only just that object is deleted: another one of its name stays as it is.
+        Where a uid is said only just that object is deleted: another one of its name stays as it is. `at_once`: pods,
+        too, whatever becomes of their containers.
         """
         done: list[Applied] = []
         # all in the body: where there is one, the API server reads no options from the query, dryRun neither
         options: Object = {"kind": "DeleteOptions", "apiVersion": "v1", "propagationPolicy": "Background"}
         options |= {"dryRun": ["All"]} if dry_run else {}
+        options |= {"gracePeriodSeconds": 0} if at_once else {}
         for ref in refs:
             before, after = self.get(ref), None
             if before is not None:

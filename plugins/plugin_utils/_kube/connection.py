@@ -102,6 +102,7 @@ class ApiConnection:
         self._pool = self._access.pool
         self._patience, self._say, self._now, self._sleep = patience, say, now, sleep
         self._permit: Callable[[], None] = lambda: None
+        self._in_the_name_of: tuple[tuple[str, str], ...] = ()
 
     @property
     def host(self) -> str:
@@ -125,6 +126,12 @@ class ApiConnection:
         asking._permit = permit
         return asking
 
+    def acting_as(self, user: str, *groups: str) -> Self:
+        """The same connection in the name of somebody else, of whom the API server then asks what he may."""
+        other = copy.copy(self)
+        other._in_the_name_of = (("Impersonate-User", user), *(("Impersonate-Group", group) for group in groups))
+        return other
+
     def close(self) -> None:
         self._pool.clear()
         kubernetes_core.remove_key_files(kube_config)  # made of a kubeconfig's inline keys
@@ -135,7 +142,7 @@ class ApiConnection:
             headers["Content-Type"] = content
         for setting in self._access.configuration.auth_settings().values():
             headers[setting["key"]] = setting["value"]
-        for name, value in self._access.headers:
+        for name, value in (*self._access.headers, *self._in_the_name_of):
             headers.add(name, value)
         return headers
 

@@ -175,6 +175,7 @@ func tryJoin(ctx context.Context, c *config, supervisor string, t token, passwor
 		return err
 	}
 	agent := c.dataDir.agent
+	j.identify(agent("client-kubelet"))
 	for _, signed := range []string{"serving-kubelet", "client-kubelet", "client-kube-proxy", "client-k3s-controller"} {
 		if err := j.sign(ctx, "/v1-k3s/"+signed+".crt", agent(signed), c.NodeName, password, c.NodeIP); err != nil {
 			return err

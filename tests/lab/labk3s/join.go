@@ -21,6 +21,7 @@ type joiner struct {
 	token  token
 	ca     []byte
 	client *http.Client
+	tls    *tls.Config // the client's
 }
 
 // refusal is a supervisor's "no", which no waiting will change by itself.
@@ -62,8 +63,17 @@ func newJoiner(ctx context.Context, url string, t token, lb *loadBalancer) (*joi
 	if !roots.AppendCertsFromPEM(ca) {
 		return nil, fmt.Errorf("failed to get CA certs: no certificate from %s", url)
 	}
-	verifying := transport(&tls.Config{RootCAs: roots, MinVersion: tls.VersionTLS12})
-	return &joiner{url: url, token: t, ca: ca, client: &http.Client{Timeout: 30 * time.Second, Transport: verifying}}, nil
+	config := &tls.Config{RootCAs: roots, MinVersion: tls.VersionTLS12}
+	client := &http.Client{Timeout: 30 * time.Second, Transport: transport(config)}
+	return &joiner{url: url, token: t, ca: ca, client: client, tls: config}, nil
+}
+
+// identify shows the kubelet's certificate of an earlier start, too. A node
+// that the cluster knows needs its token no more, so that may have ended.
+func (j *joiner) identify(base string) {
+	if cert, err := tls.LoadX509KeyPair(base+".crt", base+".key"); err == nil {
+		j.tls.Certificates = []tls.Certificate{cert}
+	}
 }
 
 func (j *joiner) get(ctx context.Context, path string) ([]byte, error) {
@@ -83,7 +93,9 @@ func (j *joiner) do(ctx context.Context, method, path string, body []byte, heade
 	if err != nil {
 		return nil, err
 	}
-	if j.token.secret != "" {
+	if j.token.bootstrap() {
+		request.Header.Set("Authorization", "Bearer "+j.token.secret)
+	} else if j.token.secret != "" {
 		request.SetBasicAuth(j.token.user, j.token.secret)
 	}
 	for name, value := range header {
@@ -114,9 +126,14 @@ func (j *joiner) sign(ctx context.Context, path, base, node, password, ip string
 	if err != nil {
 		return err
 	}
-	cert, err := j.do(ctx, http.MethodPost, path, request, map[string]string{
-		nodeNameHeader: node, nodePasswordHeader: password, nodeIPHeader: ip,
-	})
+	header := map[string]string{nodeNameHeader: node, nodePasswordHeader: password, nodeIPHeader: ip}
+	cert, err := j.do(ctx, http.MethodPost, path, request, header)
+	// The cluster does not know the node of the certificate: it was deleted.
+	var no *refusal
+	if errors.As(err, &no) && no.status == http.StatusUnauthorized && len(j.tls.Certificates) > 0 {
+		j.tls.Certificates = nil
+		cert, err = j.do(ctx, http.MethodPost, path, request, header)
+	}
 	if err != nil {
 		return err
 	}

@@ -21,10 +21,13 @@ import (
 	"time"
 
 	clientv3 "go.etcd.io/etcd/client/v3"
+	authenticationv1 "k8s.io/api/authentication/v1"
 	corev1 "k8s.io/api/core/v1"
 	apierrors "k8s.io/apimachinery/pkg/api/errors"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
 	"k8s.io/client-go/kubernetes"
+	bootstrapapi "k8s.io/cluster-bootstrap/token/api"
+	bootstraputil "k8s.io/cluster-bootstrap/token/util"
 
 	"golang.org/x/sys/unix"
 )
@@ -144,16 +147,17 @@ func (s *supervisor) handler() (http.Handler, error) {
 	mux.HandleFunc("GET /v1-k3s/client-ca.crt", node(s.serveCA("client-ca")))
 	mux.HandleFunc("GET /v1-k3s/apiservers", node(s.serveAPIServers))
 	mux.HandleFunc("GET /v1-k3s/config", node(s.serveConfig))
-	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.signForNode("server-ca", func(name, ip string) leaf {
+	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.forNode(s.sign("server-ca", func(name, ip string) leaf {
 		return leaf{name: name, names: []string{name, "localhost", "127.0.0.1", ip}, server: true}
-	})))
-	mux.HandleFunc("POST /v1-k3s/client-kubelet.crt", node(s.signForNode("client-ca", func(name, _ string) leaf {
+	}))))
+	mux.HandleFunc("POST /v1-k3s/client-kubelet.crt", node(s.forNode(s.sign("client-ca", func(name, _ string) leaf {
 		return leaf{name: "system:node:" + name, groups: []string{"system:nodes"}, client: true}
-	})))
-	mux.HandleFunc("POST /v1-k3s/client-kube-proxy.crt", node(s.signForNode("client-ca", func(string, string) leaf {
+	}))))
+	// These two are of no node: k3s asks for no name or password either.
+	mux.HandleFunc("POST /v1-k3s/client-kube-proxy.crt", node(s.sign("client-ca", func(string, string) leaf {
 		return leaf{name: "system:kube-proxy", client: true}
 	})))
-	mux.HandleFunc("POST /v1-k3s/client-k3s-controller.crt", node(s.signForNode("client-ca", func(string, string) leaf {
+	mux.HandleFunc("POST /v1-k3s/client-k3s-controller.crt", node(s.sign("client-ca", func(string, string) leaf {
 		return leaf{name: "system:k3s-controller", client: true}
 	})))
 	mux.HandleFunc("GET /v1-k3s/server-bootstrap", server(s.serveBootstrap))
@@ -260,21 +264,65 @@ func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
 	return leaf
 }
 
-// authorized lets in the holders of a token of one of these kinds.
+// asker is the key of a request's context for the node whose certificate it showed.
+type asker struct{}
+
+// authorized lets in the holders of a token of one of these kinds. Where nodes
+// are let in, so are their own certificates and bootstrap tokens.
 func (s *supervisor) authorized(next http.HandlerFunc, users ...string) http.HandlerFunc {
 	return func(w http.ResponseWriter, r *http.Request) {
-		name, secret, ok := r.BasicAuth()
-		if !ok || !s.tokenValid(name, secret, users) {
-			logf("warning", "Rejected %s %s from %s: token is not valid", r.Method, r.URL.Path, r.RemoteAddr)
-			http.Error(w, "token is not valid", http.StatusUnauthorized)
+		name, secret, basic := r.BasicAuth()
+		if basic && s.tokenValid(name, secret, users) {
+			next(w, r)
 			return
 		}
-		next(w, r)
+		if slices.Contains(users, "node") {
+			if node := nodeOf(s.peerUser(r)); node != "" {
+				next(w, r.WithContext(context.WithValue(r.Context(), asker{}, node)))
+				return
+			}
+			joins, err := s.bootstraps(r)
+			if err != nil {
+				http.Error(w, "apiserver not ready: "+err.Error(), http.StatusServiceUnavailable)
+				return
+			}
+			if joins {
+				next(w, r)
+				return
+			}
+		}
+		logf("warning", "Rejected %s %s from %s: token is not valid", r.Method, r.URL.Path, r.RemoteAddr)
+		http.Error(w, "token is not valid", http.StatusUnauthorized)
 	}
 }
 
 func (s *supervisor) tokenValid(name, secret string, users []string) bool {
 	return slices.Contains(users, name) && (same(secret, s.serverToken) || name == "node" && same(secret, s.agentToken))
+}
+
+// nodeOf is the name of the node whose kubelet has this certificate.
+func nodeOf(cert *x509.Certificate) string {
+	if cert == nil || !slices.Contains(cert.Subject.Organization, "system:nodes") {
+		return ""
+	}
+	name, _ := strings.CutPrefix(cert.Subject.CommonName, "system:node:")
+	return name
+}
+
+// bootstraps asks the API server about a bearer token, as k3s does: whether
+// it is a bootstrap token that is there and has not ended.
+func (s *supervisor) bootstraps(r *http.Request) (bool, error) {
+	bearer, ok := strings.CutPrefix(r.Header.Get("Authorization"), "Bearer ")
+	if !ok || !bootstraputil.IsValidBootstrapToken(bearer) {
+		return false, nil
+	}
+	review := &authenticationv1.TokenReview{Spec: authenticationv1.TokenReviewSpec{Token: bearer}}
+	found, err := s.kube.AuthenticationV1().TokenReviews().Create(r.Context(), review, metav1.CreateOptions{})
+	if err != nil {
+		return false, err
+	}
+	groups := found.Status.User.Groups
+	return found.Status.Authenticated && slices.Contains(groups, bootstrapapi.BootstrapDefaultGroup), nil
 }
 
 func (s *supervisor) serveCA(name string) http.HandlerFunc {
@@ -304,15 +352,28 @@ func (s *supervisor) serveConfig(w http.ResponseWriter, _ *http.Request) {
 	writeJSON(w, clusterConfig{DisableNPC: s.config.DisableNetworkPolicy})
 }
 
-func (s *supervisor) signForNode(ca string, subject func(name, ip string) leaf) http.HandlerFunc {
+// forNode lets a node have certificates of its own name alone, by its
+// password. By a certificate only a node that the cluster knows gets others.
+func (s *supervisor) forNode(next http.HandlerFunc) http.HandlerFunc {
 	return func(w http.ResponseWriter, r *http.Request) {
-		name, password, ip := r.Header.Get(nodeNameHeader), r.Header.Get(nodePasswordHeader), r.Header.Get(nodeIPHeader)
+		name, password := r.Header.Get(nodeNameHeader), r.Header.Get(nodePasswordHeader)
 		if name == "" || password == "" {
 			http.Error(w, "node name not set", http.StatusBadRequest)
 			return
 		}
 		if !s.apiReady.Load() {
 			http.Error(w, "apiserver not ready", http.StatusServiceUnavailable)
+			return
+		}
+		if err := s.verifyNode(r, name); err != nil {
+			status := http.StatusServiceUnavailable
+			if apierrors.IsNotFound(err) {
+				status = http.StatusUnauthorized
+			}
+			if errors.Is(err, errOtherNode) {
+				status = http.StatusBadRequest
+			}
+			http.Error(w, "unable to verify node identity: "+err.Error(), status)
 			return
 		}
 		if err := ensureNodePassword(r.Context(), s.kube, name, password); err != nil {
@@ -324,6 +385,27 @@ func (s *supervisor) signForNode(ca string, subject func(name, ip string) leaf) 
 			http.Error(w, err.Error(), status)
 			return
 		}
+		next(w, r)
+	}
+}
+
+var errOtherNode = errors.New("header node name does not match auth node name")
+
+// verifyNode has nothing to say of who came with a token.
+func (s *supervisor) verifyNode(r *http.Request, name string) error {
+	node, ok := r.Context().Value(asker{}).(string)
+	if !ok {
+		return nil
+	}
+	if node != name {
+		return errOtherNode
+	}
+	_, err := s.kube.CoreV1().Nodes().Get(r.Context(), node, metav1.GetOptions{})
+	return err
+}
+
+func (s *supervisor) sign(ca string, subject func(name, ip string) leaf) http.HandlerFunc {
+	return func(w http.ResponseWriter, r *http.Request) {
 		body, err := io.ReadAll(io.LimitReader(r.Body, 1<<16))
 		if err != nil {
 			http.Error(w, err.Error(), http.StatusBadRequest)
@@ -334,7 +416,7 @@ func (s *supervisor) signForNode(ca string, subject func(name, ip string) leaf) 
 			http.Error(w, err.Error(), http.StatusBadRequest)
 			return
 		}
-		cert, err := s.cas[ca].sign(subject(name, ip), public)
+		cert, err := s.cas[ca].sign(subject(r.Header.Get(nodeNameHeader), r.Header.Get(nodeIPHeader)), public)
 		if err != nil {
 			http.Error(w, err.Error(), http.StatusInternalServerError)
 			return

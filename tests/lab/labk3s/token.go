@@ -8,17 +8,23 @@ import (
 	"fmt"
 	"regexp"
 	"strings"
+
+	bootstraputil "k8s.io/cluster-bootstrap/token/util"
 )
 
 // token is what a node joins with. k3s writes it as
-// K10<sha256 of the CA bundle>::<user>:<secret>, or as the secret alone.
+// K10<sha256 of the CA bundle>::<user>:<secret>, or as the secret alone. A
+// bootstrap token has no user: K10<hash>::<id>.<secret>, or <id>.<secret>.
 type token struct {
 	caHash string // empty in the short form: the CA is then trusted unseen
-	user   string
+	user   string // empty of a bootstrap token
 	secret string
 }
 
 const tokenPrefix = "K10"
+
+// bootstrap says whether it is kubeadm's form, which ends and can be deleted.
+func (t token) bootstrap() bool { return t.user == "" && t.secret != "" }
 
 var hexHash = regexp.MustCompile(`^[0-9a-f]{64}$`)
 
@@ -37,6 +43,10 @@ func parseToken(value, user string) (token, error) {
 		}
 		t.caHash, credentials = hash, rest
 	}
+	if bootstraputil.IsValidBootstrapToken(credentials) {
+		t.user, t.secret = "", credentials
+		return t, nil
+	}
 	if t.caHash == "" {
 		t.secret = credentials
 		return t, nil
@@ -51,6 +61,9 @@ func parseToken(value, user string) (token, error) {
 
 // String is the full form, as the files under /var/lib/rancher/k3s/server hold it.
 func (t token) String() string {
+	if t.bootstrap() {
+		return tokenPrefix + t.caHash + "::" + t.secret
+	}
 	return tokenPrefix + t.caHash + "::" + t.user + ":" + t.secret
 }
 

@@ -13,6 +13,8 @@ func TestToken(t *testing.T) {
 		{" secret\n", "server", "server", "secret", ""},
 		{"K10" + hash + "::server:secret", "node", "server", "secret", hash},
 		{"K10" + hash + "::node:with:colon", "server", "node", "with:colon", hash},
+		{"abcdef.0123456789abcdef", "node", "", "abcdef.0123456789abcdef", ""},
+		{"K10" + hash + "::abcdef.0123456789abcdef", "node", "", "abcdef.0123456789abcdef", hash},
 	} {
 		got, err := parseToken(test.given, test.user)
 		if err != nil {

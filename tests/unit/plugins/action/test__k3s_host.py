@@ -195,3 +195,89 @@ def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> Non
         plan = {**PLAN, "write": [CONFIG], "remove": [], "etcd": etcd, "joins": "", "staged": ""}
         run(_k3s_host, {"do": "files", "plan": plan, "registered": ""}, known, False)
         assert ("cluster-init: true" in texts[CONFIG]) is etcd
+
+
+# --- a token for one agent alone --------------------------------------------------------------------------------------
+
+MADE = f"K10{'a' * 64}::abcdef.0123456789abcdef"
+AGENT: dict[str, Any] = {
+    "hostvars": {"robot1": {}, "edge1": {}, "edge2": {}}, "k3s_role": "agent", "k3s_cluster": "edge",
+    "k3s_server_hosts": ["edge1", "edge2"], "k3s_node_name": "robot-one", "k3s_kubeconfig_path": "",
+    "k3s_agent_token": "of the servers",
+}  # fmt: skip
+REVOKED = "rosops-fleet-revoked-robot-one"
+POLICIES = f"validatingadmissionpolicybinding,validatingadmissionpolicy {REVOKED} --ignore-not-found"
+
+
+class Servers:
+    """What k3s on the servers answers, by the first words of what is asked; and what was asked of which."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **answers: dict[str, Any]) -> None:
+        self.answers, self.asked = answers, list[str]()
+        self.wrote: dict[str, str] = {}
+        monkeypatch.setattr(_k3s_host.ansible_core, "run_task", self.run)
+        monkeypatch.setattr(_k3s_host.ActionHost, "write", self.write)
+
+    def run(self, _action: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
+        _binary, *said = task["ansible.builtin.command"]["argv"]
+        assert task["no_log"] and task["become"] and task["check_mode"] is False
+        self.asked.append(f"{task['delegate_to']}: {' '.join(said)}")
+        return self.answers.get(task["delegate_to"], {}) or self.answers.get(said[1], {"stdout": ""})
+
+    def write(self, path: str, content: str, _mode: str, diff: bool) -> dict[str, Any]:
+        assert not diff
+        self.wrote[path] = content
+        return {"changed": True}
+
+    def join(self, check_mode: bool = False, **variables: Any) -> dict[str, Any]:
+        plan = {
+            **PLAN,
+            "tokens": ["agent-token"],
+            "write": [],
+            "remove": [],
+            "staged": "",
+            "joins": "https://edge1:6443",
+        }
+        given = {"do": "files", "plan": {**plan, "givers": ["edge1", "edge2"]}}
+        return run(_k3s_host, given, {**AGENT, **variables}, check_mode)
+
+
+CREATED = {"create": {"stdout": f"{MADE}\n"}}
+
+
+def test_an_agent_gets_a_token_that_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first server is away; what it says of that is no secret's place."""
+    servers = Servers(monkeypatch, edge1={"unreachable": True, "msg": "no route"}, **CREATED)
+    assert servers.join()["changed"]
+    assert servers.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}
+    assert servers.asked[1:] == [
+        f"edge2: kubectl get {POLICIES} -o name",
+        "edge2: token create --ttl 1h --description rosops.fleet: robot-one",
+    ]
+
+
+def test_check_mode_makes_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    servers = Servers(monkeypatch)
+    assert servers.join(check_mode=True)["changed"]
+    assert not servers.asked
+
+
+def test_where_no_server_makes_one_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    away, broken = {"unreachable": True, "msg": "no route"}, {"failed": True, "stderr": MADE}
+    servers = Servers(monkeypatch, edge1=away, edge2=broken)
+    said = servers.join()
+    assert said["failed"]
+    assert "robot1 has not joined the cluster edge yet" in said["msg"]
+    assert "edge1: no route; edge2: ********" in said["msg"]
+    assert not servers.wrote
+
+
+def test_one_that_was_revoked_gets_one_by_its_name_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    servers = Servers(monkeypatch, get={"stdout": f"validatingadmissionpolicy/{REVOKED}"}, **CREATED)
+    said = servers.join()
+    assert said["failed"]
+    assert "robot1 gets no token: the node robot-one is revoked" in said["msg"]
+    assert not any("token create" in one for one in servers.asked)
+    assert servers.join(k3s_enrol="robot1")["changed"]
+    assert servers.asked[-2] == f"edge1: kubectl delete {POLICIES}"
+    assert servers.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}

@@ -15,7 +15,7 @@ GONE = {"exists": False, "sha256": "", "mode": ""}
 BARE: dict[str, Any] = {
     "machine": "x86_64", "version": "", "images": {},
     "service": {"active": "inactive", "enabled": False, "installed": False}, "other_service": False,
-    "stale": False, "ready": False, "data": False, "etcd": False, "cgroup_refused": False,
+    "stale": False, "ready": False, "data": False, "lapsed": False, "etcd": False, "cgroup_refused": False,
     "tokens": {"server": "absent", "agent": "absent"}, "server_url": "", "answering": [],
     "change": {"unproven": False, "version": ""}, "kubeconfig_sha256": "",
 }  # fmt: skip
@@ -74,7 +74,15 @@ def test_a_new_member_asks_the_servers_that_live(planned: Any) -> None:
     found = planned("robot1", {"answering": ["edge2:6443", "edge3:6443"]})
     assert planned.asked["servers"] == ["10.0.0.1:6443", "edge2:6443", "edge3:6443"]
     assert (found["givers"], found["joins"]) == (["edge2", "edge3"], "https://edge2:6443")
-    assert (found["join"], found["hands_out"]) == (["agent-token"], ["agent-token"])
+    assert (found["tokens"], found["join"]) == (["agent-token"], [])  # its own is made for it
+
+
+def test_an_agent_joins_anew_by_its_name(planned: Any) -> None:
+    """The token that the inventory has for agents is none of its own."""
+    sound = {**UP, "ready": True, "version": "v1.34.2+k3s1"}
+    for named, tokens in (("", []), ("robot1,robot2", ["agent-token"]), ("robot2", [])):
+        found = planned("robot1", sound, k3s_enrol=named, k3s_agent_token="any")  # noqa: S106 - nobody's
+        assert found["tokens"] == tokens
 
 
 def test_where_no_server_answers_the_first_is_named(planned: Any) -> None:

@@ -40,6 +40,17 @@ def test_labels_and_taints_once(server: Server, api: dict[str, Any]) -> None:
     assert not node["spec"].get("taints")
 
 
+def test_one_that_was_revoked_is_not_waited_for(server: Server, api: dict[str, Any]) -> None:
+    """Its Node will not come, and whoever comes under its name may be a thief."""
+    binding = "/apis/admissionregistration.k8s.io/v1/validatingadmissionpolicybindings/rosops-fleet-revoked-robot1"
+    server.put(binding, {"metadata": {}})
+    for check_mode in (True, False):
+        refused = apply(api, check_mode)
+        assert refused["failed"]
+        assert "the node robot1 is revoked (rosops.fleet.revoke); k3s_enrol takes it" in refused["msg"]
+    assert not server.writes
+
+
 def runs(server: Server, **spec: Any) -> None:
     """A pod of ours runs on the node."""
     server.lists["/api/v1/pods"] = [{"metadata": {"name": "arm-1", "namespace": "robot-robot1"}, "spec": spec}]

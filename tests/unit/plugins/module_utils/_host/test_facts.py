@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import time
 from pathlib import Path
 from typing import Any
 
@@ -229,3 +231,37 @@ def test_what_runs_now_is_ready_however_often_it_was_started_before(
     shown = f"LoadState=loaded\nActiveState={state}\nSubState=running\nNRestarts={restarts}\n"
     host = K3sHost(lambda argv: (0, shown if "show" in argv else "", ""), str(tmp_path))
     assert _host_facts.k3s_facts(host, AGENT)["ready"] is ready
+
+
+@pytest.mark.parametrize(("days", "lapsed"), [(0, False), (350, False), (366, True)])
+def test_a_certificate_that_ended_is_of_no_use_to_join_again(tmp_path: Path, days: int, lapsed: bool) -> None:
+    """k3s writes it anew at each start of an agent."""
+    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
+    assert _host_facts.k3s_facts(host, AGENT)["lapsed"] is False
+    certificate = tmp_path / "var/lib/rancher/k3s/agent/client-kubelet.crt"
+    certificate.parent.mkdir(parents=True)
+    certificate.write_text("x")
+    issued = time.time() - days * 86400
+    os.utime(certificate, (issued, issued))
+    assert _host_facts.k3s_facts(host, AGENT)["lapsed"] is lapsed
+
+
+@pytest.mark.parametrize(
+    ("given", "kept", "known", "verdict"),
+    [
+        ("", "old", "old", "same"),
+        ("new", "old", "old", "differs"),
+        ("new", "new", "old", "same"),  # k3s did not start since: it is stale
+        ("", "new", "old", "same"),
+        ("", "", "old", "lost"),
+        ("old", "", "old", "restore"),
+        ("", "", "", "absent"),
+    ],
+)
+def test_the_agents_token_may_change(tmp_path: Path, given: str, kept: str, known: str, verdict: str) -> None:
+    for place, text in (("etc/rancher/k3s", kept), ("var/lib/rancher/k3s/server", known)):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "agent-token").write_text(text)
+    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
+    found = _host_facts.k3s_facts(host, {**AGENT, "role": "server", "agent_token": given})
+    assert found["tokens"] == {"server": "absent", "agent": verdict}

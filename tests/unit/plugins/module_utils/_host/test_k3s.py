@@ -25,7 +25,7 @@ ACTIVE = {"LoadState": "loaded", "ActiveState": "active", "SubState": "running",
     ("with:colons", f"K10{HASH}::node:with:colons", "", "same"), ("y", "K10short::x:y", "", "differs"),
     (FULL, "s3cret", FULL, "same"), ("other", "s3cret", FULL, "differs"), ("other", "s3cret", "", "differs"),
     ("other", "", FULL, "differs"), ("", "other", FULL, "differs"), ("s3cret", "", FULL, "restore"),
-    ("", "", FULL, "lost"),
+    ("", "", FULL, "lost"), ("", f"K10{HASH}::abcdef.0123456789abcdef", "", "same"),
 ])  # fmt: skip
 def test_given_tokens_against_the_running_one(given: str, kept: str, cluster: str, verdict: str) -> None:
     assert _k3s.token_verdict(given, kept, cluster) == verdict
@@ -181,6 +181,8 @@ def test_the_journal_comes_with_what_matters_and_without_secrets(tmp_path: Path)
 
     assert said(*journal) == f'{wrong} ******** ********"'
     assert said(*journal[1:]) == f"{journal[2]}\n{'x' * 300}"
+    (tmp_path / "etc/rancher/k3s/agent-token").write_text(f"K10{HASH}::abcdef.0123456789abcdef\n")
+    assert said(f"{wrong} abcdef.0123456789abcdef") == f"{wrong} ********"
 
 
 # --- its binary -------------------------------------------------------------------------------------------------------

@@ -33,6 +33,7 @@ NOW: dict[str, Any] = {
     "stale": False,
     "ready": True,
     "data": True,
+    "lapsed": False,
     "change": {"unproven": False, "version": ""},
     "tokens": {"server": "same", "agent": "same"},
 }
@@ -84,8 +85,24 @@ def planned(
         ({}, {"source": replace(SOURCE, sha256=""), "version": "v1.34.3+k3s1"}, {"binary": True, "state": "restarted"}),
         ({"tokens__server": "restore"}, {}, {"tokens": ["token"], "state": "restarted"}),
         ({"tokens__agent": "absent"}, {}, {"tokens": ["agent-token"]}),
+        # agents that have joined need none
+        ({"tokens__agent": "differs"}, {}, {"tokens": ["agent-token"], "guarded": True, "restart": True}),
         ({"data": False}, {}, {"tokens": [], "any": False}),
         ({"data": False}, {"init": False, "tokens": ("agent-token",)}, {"tokens": ["agent-token"]}),
+        ({}, {"init": False, "tokens": ("agent-token",)}, {"any": False}),  # it may have ended
+        # a robot that was off for a year, and one that was named
+        ({"lapsed": True}, {"init": False, "tokens": ("agent-token",)}, {"tokens": ["agent-token"], "guarded": True}),
+        ({}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"tokens": ["agent-token"], "guarded": True}),
+        (
+            {"ready": False, "service__active": "activating"},
+            {"init": False, "tokens": ("agent-token",), "anew": True},
+            {"unsure": False, "guarded": False, "restart": True},
+        ),
+        (
+            {"lapsed": True, "ready": False, "service__active": "activating"},
+            {"init": False, "tokens": ("agent-token",)},
+            {"unsure": False, "guarded": False, "restart": True},
+        ),
         ({"images": {}}, {}, {"archive": True, "start": False, "any": True}),
         ({"images": {"k3s-airgap-images-amd64-0123456789ab.tar": 5}}, {}, {"archive": True}),
         ({"images": {}}, {"source": NO_ARCHIVE}, {"archive": False, "any": False}),
@@ -131,7 +148,6 @@ VARIABLES: dict[str, Any] = {
     ("now", "variables", "words"),
     [
         ({"tokens": {"server": "differs", "agent": "same"}}, {}, "k3s_token is not the token that the cluster edge"),
-        ({"tokens": {"server": "same", "agent": "differs"}}, {}, "k3s_agent_token is not the agents' token"),
         ({"tokens": {"server": "lost", "agent": "same"}}, {}, "not that cluster's tokens in /etc/rancher/k3s"),
         ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
         ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
