@@ -179,7 +179,7 @@ def _cgroup_fix(facts: Result, missing: list[str]) -> str:
 
 def _memory(facts: Result, wanted: Variables) -> Iterable[Finding]:
     has, role = facts["memory_mb"], wanted["role"]
-    limits = wanted[f"preflight_{role}_memory_mb"]
+    limits = wanted["preflight_memory_mb"][role]
     if has < limits["minimum"]:
         fix = "use a host with more memory" + (", or robot_mode: agent" if role == "server" else "")
         yield error(f"{has} MiB of memory, a k3s {role} needs {limits['minimum']}", "/proc/meminfo", fix)

@@ -106,7 +106,9 @@ def sources(server: Server, name: str) -> list[str]:
 
 
 def times_asked(server: Server) -> int:
-    return sum(server.requests.get()[0] == NODES for _request in range(server.requests.qsize()))
+    """Not how often it was looked which labels nodes have."""
+    asked = [server.requests.get()[:2] for _request in range(server.requests.qsize())]
+    return sum(path == NODES and "labelSelector" not in query for path, query in asked)
 
 
 def test_from_where_hosts_send_is_asked_for_once(server: Server, api: dict[str, Any]) -> None:

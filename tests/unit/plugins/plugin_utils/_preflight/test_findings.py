@@ -22,8 +22,10 @@ WANTED = {
     "interface": "",
     "others": ["10.0.0.1"],
     "preflight_systems": ["debian", "ubuntu", "raspbian"],
-    "preflight_agent_memory_mb": {"minimum": 400, "recommended": 900},
-    "preflight_server_memory_mb": {"minimum": 900, "recommended": 1500},
+    "preflight_memory_mb": {
+        "agent": {"minimum": 400, "recommended": 900},
+        "server": {"minimum": 900, "recommended": 1500},
+    },
     "preflight_disk_mb": {"minimum": 3000, "recommended": 10000},
     "preflight_disk_percent": {"minimum": 6, "recommended": 16},
     "preflight_clock_offset": {"maximum": 30, "recommended": 1},
