@@ -20,6 +20,7 @@ from .images import host_image
 from .keys import Keys
 from .names import (
     DEFAULT_HOSTS,
+    POOL,
     HostSpec,
     assign_addresses,
     check_lab_name,
@@ -37,6 +38,7 @@ from .state import Host, LabState
 PARALLEL = 8
 INOTIFY = Path("/proc/sys/fs/inotify/max_user_instances")
 INOTIFY_NEEDED = 1024
+PODS = "10.42.0.0/16"  # of k3s, unless it is told another one
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ class Lab:
         """Mends what is there and makes what is missing; with `fresh` every host is a new one."""
         specs = parse_hosts(hosts) if hosts else self._known_specs()
         _raise_inotify_limit()
+        _leave_addresses()
         image = host_image(self.cache)
         with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
             if fresh:
@@ -149,6 +152,17 @@ def ensure_network(cache: Cache, name: str, labels: dict[str, str]) -> IPv4Netwo
         podman("network", "create", "--disable-dns", f"--subnet={subnet}", *flags, name)
         say(f"network {name}: {subnet}")
         return subnet
+
+
+def _leave_addresses() -> None:
+    """What a host sends to pods of another one has its own address, as on a network of real hosts.
+
+    Packets on a bridge go through this machine's iptables (bridge-nf-call-iptables), where podman puts the bridge's
+    address into all that leaves its network. The rule stays until the next reboot.
+    """
+    rule = ["POSTROUTING", "-s", str(POOL), "-d", PODS, "-j", "ACCEPT"]
+    if run(["iptables", "-w", "-t", "nat", "-C", *rule], check=False).returncode != 0:
+        run(["iptables", "-w", "-t", "nat", "-I", *rule])
 
 
 def _raise_inotify_limit() -> None:
