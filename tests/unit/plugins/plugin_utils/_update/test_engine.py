@@ -146,8 +146,6 @@ def test_a_version_that_an_edge_host_lacks_is_not_begun(back: bool, check: bool)
     assert outcome_of(sim, new, check=check, request=request, edge_images=more).outcome == "updated"
 
 
-@pytest.mark.parametrize("wanted_image", [OLD, image("good")])
-@pytest.mark.parametrize("name", ["ros-master", "ros-keeper"])
 def selectors(sim: Simulation) -> dict[str, list[str]]:
     """App -> the labels that choose its node."""
     there = [item for (kind, _space, _name), item in sim.objects.items() if kind == "Deployment"]
@@ -177,6 +175,8 @@ def test_a_robot_of_1_0_is_as_it_should_be_and_its_next_version_gets_the_new_sel
     assert outcome_of(sim, wanted, request=ready).outcome == "unchanged"
 
 
+@pytest.mark.parametrize("wanted_image", [OLD, image("good")])
+@pytest.mark.parametrize("name", ["ros-master", "ros-keeper"])
 def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image: str, name: str) -> None:
     sim, _wanted = begin("overlap", "good")
     wanted, key = robot(app("sensor", wanted_image)), ("Service", "robot-robot1", name)
