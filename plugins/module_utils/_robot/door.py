@@ -14,7 +14,7 @@ import time
 from dataclasses import dataclass
 from typing import Callable
 
-from .._common.documents import Data, Document
+from .._common.documents import Data, Document, json_of
 from .._common.errors import FleetError, SpecError
 from .._common.poll import PASS
 from .._ros.backend import Questions, everything
@@ -55,7 +55,7 @@ class RestRules:
 def rest_of(found: Object | None, app: str) -> RestRules:
     """What the ConfigMap says of one app, or without one of all of them together; SpecError where it says nothing."""
     try:
-        said = json.loads((found or {})["data"][REST_KEY])
+        said = json_of((found or {})["data"][REST_KEY])
         windows = Windows(*(said["windows"][key] for key in ("spans", "zone", "turns")))
         apps = [one for name, one in said["apps"].items() if app in ("", name)]
         when = [*said["when"], *(item for one in apps for item in one["when"])]
@@ -105,7 +105,7 @@ class Door:
         if name not in JOBS:
             raise SpecError(f"there is no {asked.path}")
         try:
-            arguments = {**json.loads(asked.body), "master_uri": self.ros.uri}
+            arguments = {**json_of(asked.body), "master_uri": self.ros.uri}
         except (TypeError, ValueError) as error:
             raise SpecError(f"what {asked.path} is given is no JSON object: {error}") from None
         if not all(0.0 <= float(arguments.get(key) or 0.0) <= LONGEST for key in LASTING):
