@@ -79,7 +79,7 @@ def _known(fleet: Fleet, variables: Variables, name: str) -> Known:
     images = {}
     for node, one in said.items():
         with contextlib.suppress(FleetError):  # without a list nothing is said of its images
-            images[node] = node_images(str(one["stdout"])) if one.get("rc") == 0 else {}
+            images[node] = node_images(str(one.get("stdout"))) if one.get("rc") == 0 else {}
 
     def known(node: str, ref: str) -> set[str]:
         found = images.get(node, {}).get(normal_ref(ref))

@@ -314,7 +314,7 @@ PARSERS: dict[str, Parser] = {
     "kept.last_runs": Parser(lambda item: kept.last_runs([item]), (KEPT,), spoil=within("robot1", "data")),
     "kept.last_steps": Parser(lambda item: kept.last_steps([item]), (UPDATES,), spoil=within("updates.json", "data")),
     "look.believed": Parser(cluster, (OBJECTS,), right=quiet),
-    "look.usage_of": Parser(lambda line: look.usage_of({"robot1": {"stdout_lines": [line]}}, ["robot1"]),
+    "look.usage_of": Parser(lambda line: look.usage_of({"robot1": {"stdout": line}}, ["robot1"]),
         (f"12\t/k3s/storage/{CLAIM}",), (),
         lambda found: found.keys() <= {key for key in found if key.startswith("robot-robot1/")}, text),
     "claims.sources": Parser(lambda name: sources({"robot1": [name]}, ["robot-robot1", "robot-robot2"],

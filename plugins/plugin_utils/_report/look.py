@@ -258,7 +258,7 @@ def unmeasured(results: Mapping[str, Result]) -> list[Trouble]:
 
 def usage_of(results: Mapping[str, Result], robots: Collection[str]) -> dict[str, int]:
     """Bytes by `<namespace>/<claim>`, from what `du -sb` said on the hosts; of a robot's host those of that robot."""
-    told = [(host, str(line)) for host, result in results.items() for line in result.get("stdout_lines") or []]
+    told = [(host, line) for host, result in results.items() for line in str(result.get("stdout") or "").splitlines()]
     lines = [(host, found) for host, line in told if (found := _USAGE.fullmatch(line))]
     return {
         f"{found[2]}/{found[3]}": int(found[1])

@@ -323,7 +323,7 @@ def test_what_volumes_hold() -> None:
         "robot3": [],
     }
     found = look.usage_of(
-        {**{host: {"stdout_lines": lines} for host, lines in said.items()}, "off": OFF}, ["robot1", "robot2"]
+        {**{host: {"stdout": "\n".join(lines)} for host, lines in said.items()}, "off": OFF}, ["robot1", "robot2"]
     )
     assert found == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
 
@@ -372,3 +372,7 @@ def test_rates_that_apps_promise() -> None:
     assert told == {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}
     services = {"edge": [service("robot-robot1", "10.43.0.1")]}
     assert look.graphs_to_read(hosts, services, there)["robot1"].promised == told
+
+
+def test_what_a_host_returns_that_is_no_result_of_a_command() -> None:
+    assert look.usage_of({"robot1": {"stdout": 7, "stdout_lines": 7}, "robot2": {"stdout": ["4096\t/x"]}}, []) == {}
