@@ -223,6 +223,7 @@ molecule-observability: artifacts ## Molecule: a fleet and what watches it (buil
 .PHONY: test-faults
 test-faults: artifacts ## As molecule-update and molecule-observability, with the cases that take long (hours)
 	@$(LAB) artifacts --observability
+	ROSOPS_TEST_CASES=faults python -m pytest -q -n 2 tests/unit/test_hostile.py
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name update
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability
 

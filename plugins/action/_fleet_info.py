@@ -57,10 +57,13 @@ class ActionModule(ClusterAction):
         hosts = look.members(fleet, addresses, results)
         asked, silent = look.clusters_of(hosts)
 
+        now = time.time()
         # whoever looks wants to see it now, and can look again
         answers = look.ask({name: partial(self.opened, *way_to(host), patience=0) for name, host in asked.items()})
+        for name in answers.keys() & fleet.robots.keys():
+            answers[name] = look.believed(answers[name], name, now)
         mute = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
-        found = cluster_rows([one.objects for one in answers.values()], look.usage_of(results.values()), time.time())
+        found = cluster_rows([one.objects for one in answers.values()], look.usage_of(results, fleet.robots), now)
         pods = chain(*(one.objects.get("Pod", ()) for one in answers.values()))
         services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
         old = outdated_rows(outdated(pods, _known(fleet, variables, params["images"])))
@@ -73,7 +76,10 @@ class ActionModule(ClusterAction):
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:
     """What images' names mean on the nodes that said it in the variable of this name."""
     said = {fleet.hosts[host].node: own.get(name, {}) for host, own in variables.items()}
-    images = {node: node_images(one["stdout"]) for node, one in said.items() if one.get("rc") == 0}
+    images = {}
+    for node, one in said.items():
+        with contextlib.suppress(FleetError):  # without a list nothing is said of its images
+            images[node] = node_images(str(one.get("stdout"))) if one.get("rc") == 0 else {}
 
     def known(node: str, ref: str) -> set[str]:
         found = images.get(node, {}).get(normal_ref(ref))

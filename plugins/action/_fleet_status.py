@@ -18,6 +18,7 @@ from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._model import names
 from ..plugin_utils._model.keys import read
 from ..plugin_utils._report.files import placed, text_of, write
+from ..plugin_utils._report.host_run import SPOILT
 from ..plugin_utils._report.look import Asked, Look, status_of
 from ..plugin_utils._report.page import status_page
 from ..plugin_utils._report.results import message_of
@@ -40,12 +41,8 @@ class ActionModule(FleetAction):
     def work(self, params: Arguments, known: Variables) -> Result:
         look = read(Look, params["fleet"])
         results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
-        graphs = {
-            look.graphs[host].robot: Reading.from_dict(one["graph"], look.graphs[host].promised)
-            for host, one in results.items()
-            if "graph" in one
-        }
-        status = status_of(look.status, graphs, graph_problems(results, look.graphs))
+        graphs, wrong = readings(results, look.graphs)
+        status = status_of(look.status, graphs, [*wrong, *graph_problems(results, look.graphs)])
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         tables = status_text(status) if display.verbosity else f"{TABLES}\n"
         text = f"{summary_text(status, now, look.name)}\n{tables}"
@@ -63,6 +60,19 @@ class ActionModule(FleetAction):
         except OSError as error:
             result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result
+
+
+def readings(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> tuple[dict[str, Reading], list[Trouble]]:
+    """The graphs by robot. One that makes no sense is a problem, and keeps nobody from the others."""
+    found: dict[str, Reading] = {}
+    wrong: list[Trouble] = []
+    for host, one in results.items():
+        asked = graphs[host]
+        try:
+            found |= {asked.robot: Reading.from_dict(one["graph"], asked.promised)} if "graph" in one else {}
+        except SPOILT as error:
+            wrong.append(Trouble(f"ROS graph of {host}", f"it makes no sense: {error}", graph=asked.robot))
+    return found, wrong
 
 
 def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> Iterator[Trouble]:

@@ -10,10 +10,11 @@ import time
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._model.machines import too_old
-from ..plugin_utils._preflight.findings import PART, clock_offset, look, server_addresses
+from ..plugin_utils._preflight.findings import PART, clock_offset, comparable, look, server_addresses
 
 
 class ActionModule(FleetAction):
@@ -28,6 +29,8 @@ class ActionModule(FleetAction):
         result = ActionHost(self, known).job("facts", arguments)
         received = time.time()
         if "facts" in result:
+            if not comparable(result["facts"]):
+                raise FleetError(f"{name} tells nonsense of itself")
             clock = result["facts"]["clock"]
             result["facts"]["clock"] = clock_offset(sent, clock["began"], clock["ended"], received)
         elif old := self._python_too_old():

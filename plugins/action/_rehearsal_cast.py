@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import ClassVar
 
-from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.documents import Arguments, Result, Variables, json_of
 from ..module_utils._common.errors import SpecError
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._model.fleet import Fleet
@@ -30,7 +30,7 @@ class ActionModule(FleetAction):
     def work(self, params: Arguments, known: Variables) -> Result:
         recorded = Path(params["recording"])
         try:
-            played = parts(json.loads(recorded.read_text("utf-8")), str(recorded))
+            played = parts(json_of(recorded.read_text("utf-8")), str(recorded))
         except OSError as error:
             raise SpecError(f"the recording {recorded} cannot be read: {error.strerror}") from error
         except ValueError as error:

@@ -11,7 +11,7 @@ import json
 from dataclasses import dataclass
 from typing import Mapping
 
-from .._common.documents import Document
+from .._common.documents import Document, json_of
 from .families import Family, family
 
 FILE = "/etc/rosops-fleet/updates/updates.json"
@@ -48,7 +48,7 @@ class Update:
 def parse(text: str) -> list[Update]:
     """The well-formed entries, one per app."""
     try:
-        entries = list(json.loads(text)["updates"])
+        entries = list(json_of(text)["updates"])
     except (ValueError, KeyError, TypeError):
         return []
     found: dict[str, Update] = {}

@@ -8,6 +8,7 @@ what the pod's network shows, which is all that the hooks need. What a command h
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 PORT = 11412
 BACKLOG = 8
 PATIENCE = 10.0  # s for a request to come
+AT_ONCE, OF_ONE = 32, 8  # requests, each a process: of all, and of one address, the kubelet's among them
 LONGEST = 4096  # bytes of it, of which the first line counts
 FAILED, UNKNOWN = "503 Service Unavailable", "404 Not Found"
 
@@ -55,18 +57,35 @@ def run_hook(words: list[str]) -> int:
     return os.spawnv(os.P_WAIT, sys.executable, [sys.executable, "-I", "-S", sys.argv[0], *words])  # noqa: S606
 
 
+def bury(at_work: dict[int, str]) -> None:
+    """Processes that have ended, those that others have left to the first one of the container, too."""
+    with contextlib.suppress(ChildProcessError):
+        while True:
+            process, _status = os.waitpid(-1, os.WNOHANG)
+            if not process:
+                return
+            at_work.pop(process, None)
+
+
 def serve(listener: socket.socket, known: Mapping[str, list[str]]) -> None:
-    """For ever; each request in a process of its own, as a stop may come while a start is looked at."""
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel buries them
+    """For ever; each request in a process of its own, as a stop may come while a start is looked at.
+
+    Who has too many of them is hung up on, so that nobody takes the place of the kubelet.
+    """
+    at_work: dict[int, str] = {}  # process -> who asked
     while True:
-        connection, _address = listener.accept()
+        connection, (address, _port) = listener.accept()
         with connection:
-            if os.fork() == 0:
-                signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            bury(at_work)
+            if len(at_work) >= AT_ONCE or list(at_work.values()).count(address) >= OF_ONE:
+                continue
+            process = os.fork()
+            if process == 0:
                 try:
                     respond(connection, known)
                 finally:
                     os._exit(0)
+            at_work[process] = address
 
 
 def main(words: list[str]) -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Callable, Iterable, Iterator, Mapping
 from urllib.parse import urlencode
 
+from .._common.documents import json_of
 from .._common.errors import FleetError, KubeError
 from .._step.objects import Object, annotations_of, lease_with, name_of
 from .._step.record import Record, record_name, record_of
@@ -119,7 +120,7 @@ class Cluster:
             if answer.status >= 300:
                 raise ApiError(f"the Kubernetes API answered {answer.status} to a watch of {namespace}", answer.status)
             for line in answer:
-                yield json.loads(line)
+                yield json_of(line)
         except (OSError, http.client.HTTPException, ValueError) as error:
             raise self._unreachable(error) from error
         finally:
@@ -202,7 +203,7 @@ class Cluster:
         data = None if body is None else json.dumps(body).encode()
         status, said = self._exchange(method, target, data, content)
         try:
-            found: Object = json.loads(said)
+            found: Object = json_of(said)
             message = "" if status < 300 else str(found.get("message", ""))
         except (AttributeError, ValueError):
             raise ApiError(f"the Kubernetes API at {self.host} answered {status} and no JSON for {path}") from None

@@ -14,7 +14,7 @@ import time
 from dataclasses import dataclass
 from typing import Callable
 
-from .._common.documents import Data, Document
+from .._common.documents import Data, Document, json_of
 from .._common.errors import FleetError, SpecError
 from .._common.poll import PASS
 from .._ros.backend import Questions, everything
@@ -34,6 +34,7 @@ from .holds import Holds
 INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
 JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn,
+SHORTEST = 0.05  # seconds from one look of a job to the next
 LONGEST = 900.0  # and does not take longer than so many, whoever asks
 CHANGING = ("register", "reap", "release")  # jobs; one that holds goals says so by the address of a keeper
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
@@ -55,7 +56,7 @@ class RestRules:
 def rest_of(found: Object | None, app: str) -> RestRules:
     """What the ConfigMap says of one app, or without one of all of them together; SpecError where it says nothing."""
     try:
-        said = json.loads((found or {})["data"][REST_KEY])
+        said = json_of((found or {})["data"][REST_KEY])
         windows = Windows(*(said["windows"][key] for key in ("spans", "zone", "turns")))
         apps = [one for name, one in said["apps"].items() if app in ("", name)]
         when = [*said["when"], *(item for one in apps for item in one["when"])]
@@ -105,11 +106,15 @@ class Door:
         if name not in JOBS:
             raise SpecError(f"there is no {asked.path}")
         try:
-            arguments = {**json.loads(asked.body), "master_uri": self.ros.uri}
+            arguments = {**json_of(asked.body), "master_uri": self.ros.uri}
+            lasts = [float(arguments.get(key) or 0.0) for key in (*LASTING, "node_timeout")]
+            pause = float(arguments.get("interval", INTERVAL))
         except (TypeError, ValueError) as error:
-            raise SpecError(f"what {asked.path} is given is no JSON object: {error}") from None
-        if not all(0.0 <= float(arguments.get(key) or 0.0) <= LONGEST for key in LASTING):
-            raise SpecError(f"a job may take {LONGEST:g} s at the most: {' and '.join(LASTING)}")
+            raise SpecError(
+                f"what {asked.path} is given is no object of JSON, with numbers for times: {error}"
+            ) from None
+        if not all(0.0 <= seconds <= LONGEST for seconds in (*lasts, pause)) or pause < SHORTEST:
+            raise SpecError(f"a job may take {LONGEST:g} s at the most, with {SHORTEST:g} s from look to look")
         if "keeper_uri" in arguments:
             arguments["keeper_uri"] = self.holds.keeper.uri
         try:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Iterable
+from typing import Any
 
 from .._common.documents import Data, Document
 from .graph import (
@@ -21,6 +21,8 @@ from .graph import (
     Topic,
     names_of,
 )
+
+MOST_GOALS = 10_000  # of a state; more make no difference to anybody
 
 
 def graph_data(graph: Graph, definitions: bool = False) -> Data:
@@ -40,29 +42,29 @@ def graph_from(data: Document) -> Graph:
     """
     nodes = {name: _node_of(name, one) for name, one in data.get("nodes", {}).items()}
 
-    def keys(names: Iterable[str] | None) -> Keys:
-        return tuple(nodes[name].key if name in nodes else NodeKey(name) for name in names or ())
+    def keys(names: Any) -> Keys:
+        return tuple(nodes[name].key if name in nodes else NodeKey(name) for name in _texts(names))
 
     def topic(name: str, one: Document) -> Topic:
         edges, rates, unsteady = one.get("connections") or (), one.get("rates") or {}, one.get("unsteady") or {}
         return Topic(
             name,
-            one.get("type") or "",
+            _text(one.get("type")),
             keys(one.get("publishers")),
             keys(one.get("subscribers")),
-            tuple(zip(keys(edge["publisher"] for edge in edges), keys(edge["subscriber"] for edge in edges))),
-            one.get("rate"),
-            dict(zip(keys(rates), rates.values())),
-            dict(zip(keys(unsteady), unsteady.values())),
+            tuple(zip(keys([edge["publisher"] for edge in edges]), keys([edge["subscriber"] for edge in edges]))),
+            None if one.get("rate") is None else _number(one["rate"]),
+            {key: _number(hz) for key, hz in zip(keys([*rates]), rates.values())},
+            {key: _number(hz) for key, hz in zip(keys([*unsteady]), unsteady.values())},
             keys(one.get("latched")),
-            one.get("rate_error") or "",
-            one.get("md5sum") or "",
-            one.get("definition"),
+            _text(one.get("rate_error")),
+            _text(one.get("md5sum")),
+            None if one.get("definition") is None else _text(one["definition"]),
         )
 
     def action(name: str, one: Document) -> Action:
         servers, clients = keys(one.get("servers")), keys(one.get("clients"))
-        return Action(name, one.get("type") or "", servers, clients, _statuses_of(one, servers))
+        return Action(name, _text(one.get("type")), servers, clients, _statuses_of(one, servers))
 
     def service(name: str, one: Document) -> Service:
         return Service(name, keys(one.get("providers")), _probe_of(one))
@@ -75,15 +77,34 @@ def graph_from(data: Document) -> Graph:
     )
 
 
+def _text(value: Any) -> str:
+    if value is not None and not isinstance(value, str):
+        raise TypeError(f"{type(value).__name__} where there is to be a text")
+    return value or ""
+
+
+def _texts(values: Any) -> tuple[str, ...]:
+    if values is not None and not isinstance(values, (list, tuple)):
+        raise TypeError(f"{type(values).__name__} where there is to be a list")
+    return tuple(map(_text, values or ()))
+
+
+def _number(value: Any) -> float:
+    if not isinstance(value, (int, float)):
+        raise TypeError(f"{type(value).__name__} where there is to be a number")
+    return value
+
+
 def _node_data(node: Node) -> Data:
     said = {"uri": node.uri, "pid": node.pid, "reachable": node.reachable, "error": node.error, "refused": node.refused}
     return {**said, **{part: list(getattr(node, part)) for part in PARTS}}
 
 
 def _node_of(name: str, data: Document) -> Node:
-    uri, error, refused = data.get("uri") or "", data.get("error") or "", bool(data.get("refused"))
-    pid = data.get("pid") if data.get("reachable", True) else None
-    has: Any = {part: tuple(data.get(part) or ()) for part in PARTS}
+    uri, error, refused = _text(data.get("uri")), _text(data.get("error")), bool(data.get("refused"))
+    known = data.get("reachable", True) and data.get("pid") is not None
+    pid = int(_number(data["pid"])) if known else None
+    has: Any = {part: _texts(data.get(part)) for part in PARTS}
     return Node(name, uri, pid, bool(uri or error), error, **has, refused=refused)
 
 
@@ -109,7 +130,7 @@ def _service_data(service: Service) -> Data:
 
 
 def _probe_of(data: Document) -> ServiceProbe | None:
-    parts = {part: data.get(part) or "" for part in ("uri", "provider", "type", "error", "md5sum")}
+    parts = {part: _text(data.get(part)) for part in ("uri", "provider", "type", "error", "md5sum")}
     return ServiceProbe(**parts) if data.get("up", bool(parts["uri"])) or parts["error"] else None
 
 
@@ -128,6 +149,6 @@ def _action_data(action: Action) -> Data:
 def _statuses_of(data: Document, servers: Keys) -> dict[NodeKey, StatusReading]:
     """JSON does not say whose an action's goals are: they are the first server's."""
     numbers = {word: number for number, word in GOAL_STATES.items()}
-    told = (data.get("goals") or {}).items()
+    told = [(word, min(count, MOST_GOALS)) for word, count in (data.get("goals") or {}).items()]
     goals = tuple(numbers[word] if word in numbers else int(word) for word, count in told for _one in range(count))
     return {servers[0]: StatusReading((goals,))} if data.get("up") and servers else {}

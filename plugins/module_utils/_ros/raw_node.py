@@ -22,6 +22,8 @@ from .tcpros import decode_header, encode_header
 
 SEND_SECONDS = 5.0
 MAX_CALL = 4 * 1024 * 1024  # bytes of a call
+ANSWERED = 120.0  # seconds for an answer to be taken, which a graph over a radio may need
+MOST, MOST_OF_ONE = 1024, 128  # connections at once, each with its thread: of all peers, and of one address
 POLL = 1.0  # between looks at whether it is to stop
 
 
@@ -55,6 +57,12 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
     wbufsize = -1  # an answer is one packet
     server: _Server
+    connection: TimedSocket
+
+    def handle_one_request(self) -> None:
+        """From the first byte of the line to the last one of the body, for whoever drips them, too."""
+        self.connection.deadline = Deadline(self.timeout)
+        super().handle_one_request()
 
     def do_GET(self) -> None:
         self._say(self._shown(self._page() or (lambda _asked: Said(404))))
@@ -98,6 +106,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         return int(said)
 
     def _say(self, said: Said) -> None:
+        self.connection.deadline = Deadline(ANSWERED)
         self.send_response(said.status)
         if said.body:
             self.send_header("Content-Type", said.kind)
@@ -113,16 +122,44 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Probes and calls are not worth a line."""
 
 
+class _Subscriber(socketserver.BaseRequestHandler):
+    server: _Server
+
+    def handle(self) -> None:
+        self.server.talk(self.request)
+
+
 class _Server(socketserver.ThreadingMixIn, socketserver.TCPServer):
     daemon_threads = True
     block_on_close = False
     request_queue_size = 64
     allow_reuse_address = True
 
-    def __init__(self, address: tuple[str, int]) -> None:
-        super().__init__(address, _Handler)
+    def __init__(self, address: tuple[str, int], handler: type[socketserver.BaseRequestHandler]) -> None:
+        super().__init__(address, handler)
+        self.lock = threading.Lock()
+        self.guests: list[str] = []  # the addresses of who is connected
+        self.talk: Callable[[TimedSocket], None] = hang_up
         self.methods: dict[str, Callable[..., Any]] = {}
         self.pages: dict[str, Page] = {}
+
+    def get_request(self) -> tuple[TimedSocket, tuple[str, int]]:
+        plain, address = super().get_request()
+        return TimedSocket(fileno=plain.detach()), address
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:  # noqa: ARG002 - the library's
+        """Whether there is room. One address cannot take the place of all."""
+        with self.lock:
+            there = len(self.guests) < MOST and self.guests.count(client_address[0]) < MOST_OF_ONE
+            self.guests += [client_address[0]] if there else []
+        return there
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            with self.lock:
+                self.guests.remove(client_address[0])
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A client that hung up is not our error."""
@@ -205,11 +242,12 @@ class Slave:
     def __init__(self, name: str, host: str, port: int, master_uri: str) -> None:
         self.name, self.host, self.master_uri = name, host, master_uri
         self.publications: dict[str, Publication] = {}
-        self.server = _Server((host, port))
-        self.listener = socket.create_server((host, 0), backlog=64)
+        self.server = _Server((host, port), _Handler)
+        self.listener = _Server((host, 0), _Subscriber)
+        self.listener.talk = self._talk
         address = host or socket.gethostname()
         self.uri = f"http://{address}:{self.server.server_address[1]}/"
-        self.tcpros = ["TCPROS", address, self.listener.getsockname()[1]]
+        self.tcpros = ["TCPROS", address, self.listener.server_address[1]]
         own: dict[str, Callable[..., Any]] = {
             "getPid": lambda _caller: [1, "", os.getpid()],
             "getBusInfo": self._bus_info,
@@ -240,7 +278,7 @@ class Slave:
     def stop(self) -> None:
         self.server.shutdown()
         self.server.server_close()
-        hang_up(self.listener)
+        hang_up(self.listener.socket)
         for topic in list(self.publications):
             self.unadvertise(topic)
 
@@ -267,14 +305,12 @@ class Slave:
         return publication.callers() if publication else []
 
     def _accept(self) -> None:
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError):  # it was closed
             while True:
-                sock, _address = self.listener.accept()
-                threading.Thread(target=self._talk, args=(sock,), daemon=True).start()
+                self.listener.handle_request()
 
-    def _talk(self, plain: socket.socket) -> None:
+    def _talk(self, sock: TimedSocket) -> None:
         """A subscriber's connection: its header, ours, then messages."""
-        sock = TimedSocket(fileno=plain.detach())
         sock.deadline = Deadline(SEND_SECONDS)
         try:
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -12,15 +12,28 @@ from dataclasses import dataclass, replace
 from typing import Any, Callable, Iterable, Mapping
 from xml.parsers import expat
 
+from .._common.documents import DIGITS
 from .._common.errors import RefusalError, RosError
 from .backend import MasterState
 from .graph import Connection, Graph, Node, NodeKey, ServiceProbe, Stats, StatusReading
 
-DIGITS = 20  # of the least number of 64 bits, with its sign
+DEPTH = 300  # tags within each other: a list or a mapping in another one takes three
 
 
 class _Values(xmlrpc.client.Unmarshaller):
-    """The library's, with whole numbers that end."""
+    """The library's, with whole numbers that end, and no list within lists without end."""
+
+    depth = 0
+
+    def start(self, tag: str, attrs: dict[str, str]) -> None:
+        self.depth += 1
+        if self.depth > DEPTH:
+            raise RosError(f"a value has more than {DEPTH} tags within each other")
+        super().start(tag, attrs)
+
+    def end(self, tag: str) -> None:
+        self.depth -= 1
+        super().end(tag)
 
     dispatch: dict[str, Callable[..., None]] = dict(xmlrpc.client.Unmarshaller.dispatch)  # noqa: RUF012 - inherited
 
@@ -34,7 +47,8 @@ class _Values(xmlrpc.client.Unmarshaller):
 
 
 def loads(body: bytes) -> tuple[Any, str | None]:
-    """As xmlrpc.client's `loads`: the parameters, and the method of a call; RosError on what is made to do harm.
+    """As xmlrpc.client's `loads`: the parameters, and the method of a call. Fault is the peer's own word; RosError for
+    what is no XML-RPC, or is made to do harm.
 
     The library's own parser expands entities, so that a few hundred bytes become as much memory as the peer wants, and
     reads numbers of any length, which takes the square of the length. No ROS peer needs either.
@@ -46,8 +60,13 @@ def loads(body: bytes) -> tuple[Any, str | None]:
     parser.CharacterDataHandler = values.data
     parser.StartDoctypeDeclHandler = _refuse  # entities are declared in a document type alone
     values.xml("", None)  # expat hands on text, which nobody has to decode
-    parser.Parse(body, True)
-    return values.close(), values.getmethodname()
+    try:
+        parser.Parse(body, True)
+        return values.close(), values.getmethodname()
+    except (RosError, xmlrpc.client.Fault):
+        raise
+    except Exception as error:  # of the library, which has no list of what it raises
+        raise RosError(f"it is nonsense ({type(error).__name__}: {str(error)[:100]})") from error
 
 
 def _refuse(*_: Any) -> None:

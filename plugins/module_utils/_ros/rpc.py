@@ -92,6 +92,10 @@ class TimedSocket(socket.socket):
         self.settimeout(self.deadline.left())
         return super().recv_into(*args)
 
+    def send(self, *args: Any) -> int:
+        self.settimeout(self.deadline.left())
+        return super().send(*args)
+
     def sendall(self, *args: Any) -> None:
         self.settimeout(self.deadline.left())
         super().sendall(*args)

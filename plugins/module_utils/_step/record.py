@@ -11,6 +11,7 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any, Mapping, Sequence
 
+from .._common.documents import json_of
 from .._ros.contract import NOTHING, Contract
 from .._ros.names import in_pods
 from .objects import Object, annotations_of, name_of, revision_of
@@ -136,7 +137,7 @@ def record_of(item: Object | None) -> Record:
             int(said.get("ends") or 0),
             tuple(map(str, said.get("ignore") or ())),
         )
-    except (AttributeError, KeyError, TypeError, ValueError):
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError):
         return Record(history=history)
 
 
@@ -147,7 +148,7 @@ def _entries(history: Any) -> tuple[dict[str, Any], ...]:
 
 def _json(text: Any) -> Any:
     try:
-        return json.loads(text or "null")
+        return json_of(text or "null")
     except (TypeError, ValueError):
         return None
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any, Dict, Iterable, Mapping
 
+from .._common.documents import json_of
 from .objects import Object, annotations_of, app_of
 from .record import Record
 from .words import WENT_BACK
@@ -28,10 +29,15 @@ Told = Mapping[str, str]  # from, to: revisions; at: RFC 3339; reason; run
 def events_of(record: Object) -> list[Event]:
     """One of each app. A record that somebody spoilt is begun anew: history is not worth an update."""
     try:
-        found = json.loads((record.get("data") or {}).get(KEY) or "{}")
-        return [dict(event) for event in found["updates"] if event["app"] and float(event["started"]) >= 0]
-    except (ValueError, KeyError, TypeError):
+        found = json_of((record.get("data") or {}).get(KEY) or "{}")
+        return [dict(event) for event in found["updates"] if event["app"] and _seconds(event) >= 0]
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError):
         return []
+
+
+def _seconds(event: Mapping[str, Any]) -> float:
+    """When it ended, or would have."""
+    return float(event["started"]) + sum(float(seconds) for seconds in (event.get("phases") or {}).values())
 
 
 def data_of(events: Iterable[Event]) -> dict[str, str]:
@@ -53,7 +59,7 @@ def ways_back(deployments: Iterable[Object], records: Mapping[str, Record] | Non
 def went_back(item: Object) -> Told:
     """What the keeper wrote on a Deployment; empty where it did not, or others wrote there, too."""
     try:
-        told = json.loads(annotations_of(item).get(WENT_BACK) or "{}")
+        told = json_of(annotations_of(item).get(WENT_BACK) or "{}")
         return {key: str(told.get(key, "")) for key in ("from", "to", "at", "reason", "run")} if told else {}
     except (ValueError, AttributeError):
         return {}
@@ -82,8 +88,7 @@ def closed(event: Event, told: Told | None) -> Event:
         return {**closed(event, None), "outcome": ROLLED_BACK, "reason": back_in_words(told)[:REASON_KEPT]}
     if event.get("outcome") not in (RUNNING, WAITING):
         return dict(event)
-    spent = sum(float(seconds) for seconds in (event.get("phases") or {}).values())
-    return {**event, "outcome": FAILED, "reason": CUT_OFF, "finished": round(float(event["started"]) + spent, 3)}
+    return {**event, "outcome": FAILED, "reason": CUT_OFF, "finished": round(_seconds(event), 3)}
 
 
 def ended(record: Object, deployments: Iterable[Object]) -> Object | None:

@@ -26,7 +26,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import IO, Any
 
-from ...module_utils._common.documents import Variables
+from ...module_utils._common.documents import Variables, json_of
 from ...module_utils._common.errors import SpecError
 from .._model.machines import architecture_of
 
@@ -136,11 +136,11 @@ class Archive:
         if "manifest.json" in self.members:
             found = [
                 self._image(ref, entry["Config"], entry.get("Layers") or [])
-                for entry in json.loads(self.read("manifest.json"))
+                for entry in json_of(self.read("manifest.json"))
                 for ref in entry.get("RepoTags") or []
             ]
         elif "index.json" in self.members:
-            found = [*self._oci(json.loads(self.read("index.json")))]
+            found = [*self._oci(json_of(self.read("index.json")))]
         else:
             raise SpecError(f"{self.path} holds neither manifest.json nor index.json: it is no image archive")
         if not found:
@@ -155,7 +155,7 @@ class Archive:
             # what is made for another architecture may have been left out, and how it was made is no image
             if not name or (ref and (place not in self.members or entry["platform"]["architecture"] == "unknown")):
                 continue
-            document = json.loads(self.read(place))
+            document = json_of(self.read(place))
             if "config" in document:
                 layers = [_blob(layer["digest"]) for layer in document.get("layers") or []]
                 yield self._image(name, _blob(document["config"]["digest"]), layers, place)
@@ -164,7 +164,7 @@ class Archive:
 
     def _image(self, ref: str, config: str, layers: Sequence[str], manifest: str = "") -> Image:
         content = self.read(config)
-        digest, architecture = hashlib.sha256(content).hexdigest(), str(json.loads(content).get("architecture", ""))
+        digest, architecture = hashlib.sha256(content).hexdigest(), str(json_of(content).get("architecture", ""))
         return Image(normal_ref(ref), f"sha256:{digest}", architecture, tuple(layers), config, manifest)
 
     def manifest(self, image: Image, config: Descriptor) -> bytes:
@@ -174,7 +174,7 @@ class Archive:
         """
         if image.manifest:
             return self.read(image.manifest)
-        digests = (json.loads(self.read(image.config)).get("rootfs") or {}).get("diff_ids") or ()
+        digests = (json_of(self.read(image.config)).get("rootfs") or {}).get("diff_ids") or ()
         layers = [
             {"mediaType": f"{TYPE}.layer.v1.tar", "digest": digest, "size": member.size}
             for digest, member in zip(digests, map(self.member, image.layers))
@@ -267,7 +267,7 @@ def thin_archive(path: str, images: Iterable[Image], blobs: Collection[str], pla
     with opened(path) as archive:
         for image in images:
             manifest = archive.manifest(image, put(archive.read(image.config), f"{TYPE}.config.v1+json"))
-            document = json.loads(manifest)
+            document = json_of(manifest)
             members = [member for name in image.layers if (member := archive.member(name))]
             if not len(document["layers"]) == len(members) == len(image.layers):
                 return None

@@ -12,7 +12,6 @@ repository what was wanted or ran before it. What is older is let go, once no co
 from __future__ import annotations
 
 import base64
-import json
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
-from ...module_utils._common.documents import Arguments, Result, Variables
+from ...module_utils._common.documents import Arguments, Result, Variables, json_of
 from ...module_utils._common.errors import FleetError, SpecError
 from ...module_utils._host.k3s import BINARY
 from .._model.machines import architecture_of
@@ -268,24 +267,27 @@ def _place(address: str) -> str:
 def present(printed: str) -> Present:
     """Out of what LOOK printed. A host without k3s has got no further than its machine."""
     machine, images, labels, blobs, containers, *_none = [*f"{printed}\n".split(f"{_BREAK}\n"), "", "", "", ""]
-    listed = _json(containers).get("containers") or []
-    used = frozenset(_digest(str(one.get("imageRef") or "")) for one in listed)
+    used = frozenset(_digest(str(one.get("imageRef") or "")) for one in _listed(containers, "containers"))
     return Present(machine.strip(), node_images(images), _pins(labels), frozenset(blobs.split()), used)
 
 
 def node_images(listing: str) -> dict[str, str]:
     """Name to ID of a node's images, out of what `crictl images -o json` prints. Names by digest are in it, too."""
-    return {
-        normal_ref(ref): _digest(image["id"])
-        for image in _json(listing).get("images") or []
-        for ref in [*(image.get("repoTags") or []), *(image.get("repoDigests") or [])]
-    }
-
-
-def _json(printed: str) -> Result:
     try:
-        return dict(json.loads(printed.strip() or "{}"))
-    except ValueError as error:
+        return {
+            normal_ref(ref): _digest(image["id"])
+            for image in _listed(listing, "images")
+            for ref in [*(image.get("repoTags") or []), *(image.get("repoDigests") or [])]
+        }
+    except (AttributeError, LookupError, TypeError) as error:
+        raise SpecError(f"crictl's list is of another shape: {type(error).__name__}: {error}") from error
+
+
+def _listed(printed: str, key: str) -> list[Result]:
+    """The objects of a list that crictl printed."""
+    try:
+        return [dict(one) for one in json_of(printed.strip() or "{}").get(key) or []]
+    except (AttributeError, TypeError, ValueError) as error:
         raise SpecError(f"crictl's list is no JSON: {error}") from error
 
 

@@ -23,7 +23,7 @@ from types import MappingProxyType
 from typing import Any, Self, TypeVar
 from urllib.parse import urlencode
 
-from ...module_utils._common.documents import Arguments
+from ...module_utils._common.documents import Arguments, json_of
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object
 from ...module_utils._step.words import MANAGER
@@ -39,6 +39,7 @@ Query = Mapping[str, str | int]
 
 CONNECT_SECONDS = 5.0
 READ_SECONDS = 30.0
+MAX_ANSWER = 256 * 1024 * 1024  # bytes: all pods of a fleet of 1000 robots are half of that
 PATIENCE = 60.0  # a server that is just restarting is back by then, also on a small computer
 SAID_FROM, SAID_EVERY = 5.0, 20.0  # a wait that takes longer is said
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
@@ -178,9 +179,10 @@ class ApiConnection:
 
     def _refused(self, answer: Any, what: str) -> ApiError:
         status, message = int(answer.status), ""
-        with contextlib.suppress(*BROKEN, ValueError, AttributeError):
-            message = answer.data[:200].decode("utf-8", "replace").strip()  # of whatever answered, if no Status
-            message = str(json.loads(answer.data).get("message") or "")
+        with contextlib.suppress(*BROKEN, ApiError, ValueError, AttributeError):
+            said = body_of(answer)
+            message = said[:200].decode("utf-8", "replace").strip()  # of whatever answered, if no Status
+            message = str(json_of(said).get("message") or "")
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
             todo = "Its namespace has to be applied first"
@@ -211,7 +213,7 @@ class ApiConnection:
     def _read(self, method: str, path: str, query: Query, *body: Any) -> bytes:
         """A whole answer. Tried once."""
         try:
-            return bytes(self.request(method, path, query, *body).data)
+            return body_of(self.request(method, path, query, *body))
         except BROKEN as exc:  # the connection broke within the body
             raise self._unreachable(exc) from exc
 
@@ -225,20 +227,29 @@ class ApiConnection:
 
         answer = self._patiently(ask)
         try:
-            return dict(json.loads(answer))
+            return dict(json_of(answer))
         except (ValueError, TypeError) as exc:
             raise self._stranger(path, exc) from exc
 
     def page(self, path: str, query: Query = MappingProxyType({})) -> tuple[list[Object], str]:
         """The objects of a list, and the resource version to watch on from. Tried once."""
         try:
-            body = json.loads(self._read("GET", path, query))
+            body = json_of(self._read("GET", path, query))
             return list(body.get("items") or []), str(body["metadata"]["resourceVersion"])
         except (ValueError, KeyError, AttributeError, TypeError) as exc:
             raise self._stranger(path, exc) from exc
 
     def _stranger(self, path: str, exc: Exception) -> ApiError:
         return ApiError(f"{self.host} does not answer like a Kubernetes API for {path}: {exc!r}.")
+
+
+def body_of(answer: Any) -> bytes:
+    """The whole of an answer that `request` gave; ApiError where it is longer than any that is asked for."""
+    found = bytes(answer.read(MAX_ANSWER + 1))
+    if len(found) > MAX_ANSWER:
+        answer.close()
+        raise ApiError(f"an answer of more than {MAX_ANSWER} bytes was not read to its end")
+    return found
 
 
 def anew(work: Callable[[], Answer]) -> Answer:

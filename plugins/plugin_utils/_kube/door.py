@@ -4,14 +4,14 @@ there, and without a connection to the robot's host."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 
+from ...module_utils._common.documents import json_of
 from ...module_utils._step.objects import Object
 from ...module_utils._step.words import JOBS_PATH, KEEPER, KEEPER_PORT, LASTING
 from .access import BROKEN
-from .connection import JSON, ApiConnection, ApiError
+from .connection import JSON, ApiConnection, ApiError, body_of
 
 ANSWER = 20.0  # seconds for an answer, beside those that the job itself may take
 SHUT = 30.0  # seconds for which a door that did not answer is not asked again
@@ -45,7 +45,7 @@ class KeeperDoor:
         seconds = sum(float(arguments.get(key) or 0.0) for key in LASTING)
         answer = self._asked("POST", f"{JOBS_PATH}{name}", arguments, seconds + ANSWER)
         try:
-            return dict(json.loads(answer))
+            return dict(json_of(answer))
         except (ValueError, TypeError) as error:
             raise ApiError(f"The keeper's door answers no JSON for {name}: {error}") from error
 
@@ -55,8 +55,7 @@ class KeeperDoor:
         query = self._query if body is not None else {}
         content = JSON if body is not None else ""
         try:
-            answer = self._kube.request(method, f"{self._service}{path}", query, body, content, seconds)
-            return bytes(answer.data)
+            return body_of(self._kube.request(method, f"{self._service}{path}", query, body, content, seconds))
         except ApiError as error:
             self._why = error
         except BROKEN as error:

@@ -16,6 +16,7 @@ from ...module_utils._step.objects import Object
 
 HEAD = "# rosops.fleet: "
 AUTHORITY = "certificate-authority-data"
+LONGEST = 1 << 20  # characters of the file of a host
 CERTIFICATE, TOKEN = ("client-certificate-data", "client-key-data"), ("token",)
 
 
@@ -59,6 +60,8 @@ def url_at(text: str, host: str) -> str:
 def _parts(text: str) -> tuple[Object, Object]:
     """The first cluster and the first user."""
     try:
+        if len(text) > LONGEST:
+            raise ValueError("it is too long")
         # Texts, lists and mappings alone. The safe loader merges mappings, and a few lines of merges fill the memory.
         document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes no objects either
         return dict(document["clusters"][0]["cluster"]), dict(document["users"][0]["user"])

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import queue
 import socket
 import threading
@@ -12,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...module_utils._common.documents import json_of
 from ...module_utils._step.objects import Object
 from .access import BROKEN
 from .cache import Ref
@@ -22,6 +22,7 @@ from .connection import FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
 WATCH_SECONDS = 25
 READ_SLACK = 10.0
 JOIN_SECONDS = 1.0
+MAX_EVENT = 16 * 1024 * 1024  # bytes; etcd takes no object of a tenth of it
 # A server that is coming up may refuse what it accepts a moment later (403 before its roles are loaded). So credentials
 # that have worked are given up only after that many refusals in a row, which takes about 11 seconds.
 REFUSALS_BORNE = 8
@@ -52,6 +53,8 @@ def _lines(answer: Any) -> Iterator[bytes]:
     for chunk in answer.stream(65536):
         *whole, rest = (rest + chunk).split(b"\n")
         yield from (line for line in whole if line.strip())
+        if len(rest) > MAX_EVENT:
+            raise ValueError(f"an event has more than {MAX_EVENT} bytes")
 
 
 class Watch:
@@ -136,7 +139,7 @@ class Watch:
         try:
             with contextlib.suppress(*BROKEN, ValueError, KeyError, TypeError):  # cut off, or no watch event at all
                 for line in _lines(answer):
-                    event = json.loads(line)
+                    event = json_of(line)
                     kind, obj = event["type"], event["object"]
                     if kind == "ERROR" and obj.get("code") != 410:
                         raise ApiError(f"Watching {self._kube.host}{target.path}: {obj.get('message')}", transient=True)

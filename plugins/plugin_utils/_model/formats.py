@@ -24,6 +24,7 @@ _IMAGE = re.compile(
     r"[a-z0-9]+(?:(?:[._]|__|-+)[a-z0-9]+)*(?:/[a-z0-9]+(?:(?:[._]|__|-+)[a-z0-9]+)*)*"
     r"(?::(?P<tag>[A-Za-z0-9_][-A-Za-z0-9_.]{0,127}))?(?:@(?P<digest>[a-z0-9]+:[0-9a-f]{32,}))?"
 )
+_BLANK = re.compile(r"[\s\0-\x1f\x7f]")  # control characters, too
 # Kubernetes API reference, "Quantity"
 _QUANTITY = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<suffix>[KMGTPE]i|[numkMGTPE]|[eE][+-]?[0-9]{1,2})?")
 _SCALE = {suffix: Decimal(1024) ** power for power, suffix in enumerate(("", "Ki", "Mi", "Gi", "Ti", "Pi", "Ei"))}
@@ -87,7 +88,13 @@ def moving_tag(image: str) -> bool:
 def clean_path(path: str) -> bool:
     """An absolute path that says what it means: no '..', no '.', no doubled slash, nothing that mounts split at."""
     parts = path.rstrip("/").split("/")[1:]
-    return path.startswith("/") and bool(parts) and not {"", ".", ".."} & set(parts) and not re.search(r"[:\s\0]", path)
+    return (
+        path.startswith("/")
+        and bool(parts)
+        and not {"", ".", ".."} & set(parts)
+        and ":" not in path
+        and not _BLANK.search(path)
+    )
 
 
 def safe_host_path(path: str) -> bool:
@@ -110,7 +117,7 @@ def bare_url(text: str, schemes: tuple[str, ...], with_port: bool) -> bool:
         host, port = parts.hostname, parts.port
     except ValueError:
         return False
-    plain = not (parts.path.strip("/") or parts.query or parts.fragment or parts.username)
+    plain = not (parts.path.strip("/") or parts.query or parts.fragment or parts.username or _BLANK.search(text))
     return parts.scheme in schemes and (bool(port) if with_port else port is None) and plain and _host(host or "")
 
 
@@ -207,7 +214,7 @@ def listed(value: Any) -> list[Any]:
     text = "" if value is None else str(value).strip()
     if not text.startswith("["):
         return [word for word in re.split(r"[\s,]+", text) if word]
-    with contextlib.suppress(yaml.YAMLError):
+    with contextlib.suppress(yaml.YAMLError, RecursionError):
         if isinstance(found := yaml.safe_load(text), list):
             return found
     raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")

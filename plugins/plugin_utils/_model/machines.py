@@ -19,8 +19,8 @@ IMAGE_GC_USED_PERCENT = 85
 # From this minor version on the kubelet ends on a host with cgroup v1, unless failCgroupV1 is false.
 CGROUP_V2_FROM = (1, 35)
 
-_NUMBERS = re.compile(r"(\d+)\D+(\d+)")
-_VERSION = re.compile(r"v(\d+)\.(\d+)\.(\d+)(?:-([a-z]+)\.?(\d+))?(?:\+([a-z0-9]*[a-z])(\d+))?")
+_NUMBERS = re.compile(r"(\d{1,9})\D+(\d{1,9})", re.ASCII)
+_VERSION = re.compile(r"v{0}\.{0}\.{0}(?:-([a-z]+)\.?{0})?(?:\+([a-z0-9]*[a-z]){0})?".format(r"(\d{1,9})"), re.ASCII)
 
 
 @dataclass(frozen=True)

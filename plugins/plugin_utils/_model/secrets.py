@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
+
+from ...module_utils._common.documents import json_of
 
 SHORTEST = 4  # a shorter secret is hidden where it stands alone: everything else would be full of it
 # Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
@@ -19,9 +21,11 @@ _SECRET_VARIABLE = re.compile(
     r"(?i)passw|passphrase|secret|token|credential|(?:api|access|private)_?key|(?:^|_)(?:auth|pwd|pin|psk)$"
     r"|(?:^|(?<!low)(?<!high)(?<!band)_)pass$"
 )
+_OPTION = r"--?[\w-]*(?:passw(?:or)?d|token|secret|psk)"
+_HEADER = re.compile(r"(?i)\bauthorization: *(?:(?:bearer|basic) )?([^\s\"',]+)")
 # Before the @ of an address, with a scheme or without one, but for an image's tag and digest; and options of a command.
 _PASSWORD_IN_TEXT = re.compile(
-    r"(?:(?:://[^\s/:@]*|(?:^|[\s\"'=])[\w.-]+):(?=[^\s/@]+@(?!sha\d))|--?[\w-]*(?:passw(?:or)?d|token|secret|psk)[= ])"
+    r"(?:(?:://[^\s/:@]*|(?:^|[\s\"'=])[\w.-]+):(?=[^\s/@]+@(?!sha\d))|" + _OPTION + r"[= ])"
     r"([^\s/@\"']+)"
 )
 
@@ -35,20 +39,26 @@ def secrets_in(value: Any) -> Iterator[str]:
         if _SECRET_VARIABLE.search(str(value.get("name"))) and isinstance(value.get("value"), str):
             yield str(value["value"])
         if value.get("kind") == "Secret":
-            yield from (str(text) for part in ("data", "stringData") for text in (value.get(part) or {}).values())
+            yield from (str(text) for part in ("data", "stringData") for text in _values(value.get(part)))
         for key, item in value.items():
             yield from [item] if isinstance(item, str) and _SECRET_KEY.search(str(key)) else []
             yield from secrets_in(item)
     elif isinstance(value, (list, tuple)):
-        for item in value:
-            yield from secrets_in(item)
+        for before, item in zip(("", *value), value):
+            named = isinstance(item, str) and re.fullmatch(_OPTION, str(before))
+            yield from [item] if named else secrets_in(item)
     elif isinstance(value, str):
         yield from _PASSWORD_IN_TEXT.findall(value)
+        yield from _HEADER.findall(value)
         if value[:1] in ("{", "["):
             try:
-                yield from secrets_in(json.loads(value))
+                yield from secrets_in(json_of(value))
             except ValueError:
                 return
+
+
+def _values(held: Any) -> Iterable[Any]:
+    return held.values() if isinstance(held, Mapping) else ()
 
 
 def without(value: Any, words: Mapping[str, str]) -> Any:

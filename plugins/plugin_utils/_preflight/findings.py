@@ -12,6 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 from ...module_utils._common.documents import Arguments, Result, Variables
+from ...module_utils._common.errors import printable
 from .._model.machines import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT, MACHINES, version
 from .._model.topology import address
 
@@ -86,6 +87,14 @@ def clock_offset(sent: float, began: float, ended: float, received: float) -> di
     """
     low, high = ended - received, began - sent
     return {"offset": round((low + high) / 2, 3), "uncertainty": round(abs(high - low) / 2, 3)}
+
+
+def comparable(facts: Result) -> bool:
+    """Whether other hosts can be measured against these facts: one that tells nonsense must not keep them."""
+    try:
+        return all(isinstance(facts[key], str) for key in ("hostname", "machine_id")) and route_mtu(facts) >= 0
+    except (ArithmeticError, LookupError, TypeError, ValueError):
+        return False
 
 
 def findings(facts: Result, wanted: Variables) -> list[Finding]:
@@ -338,5 +347,6 @@ def report(host: str, found: list[Finding]) -> str:
         return f"{host}: ready for k3s, nothing to remark"
     counts = {word: sum(finding.severity == word for finding in found) for word in (ERROR, WARNING)}
     head = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items())
-    lines = [f"  {f.severity}: {f.what} (seen in {f.where}). Fix: {f.fix}" for f in found]
+    told = [f"{f.severity}: {f.what} (seen in {f.where}). Fix: {f.fix}" for f in found]
+    lines = [f"  {printable(' '.join(line.split()))}" for line in told]  # with words of the host's own
     return "\n".join([f"{host}: {head}", *lines])

@@ -52,7 +52,7 @@ def parts(data: Any, where: str) -> dict[str, Part]:
     try:
         graph = {part: data["graph"][part] for part in ("nodes", "topics", "services", "actions")}
         return _parts(data["apps"], graph_from(graph))
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
         told = f"{type(error).__name__}: {error}"
         raise SpecError(f"{where} is damaged ({told}): record the robot again") from error
 

@@ -16,7 +16,8 @@ from .._update.outcome import RobotOutcome
 from .files import text_of, write
 
 NOTE = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
-SPOILT = (ValueError, KeyError, TypeError, AttributeError)  # what somebody changed by hand, as it is read
+# What somebody changed by hand, as it is read.
+SPOILT = (ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from itertools import chain
 from operator import attrgetter
 
+from ...module_utils._common.documents import json_of
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import Object, labels_of, name_of
 from ...module_utils._step.update_record import RUNNING, WAITING
@@ -66,7 +67,7 @@ def last_runs(maps: Iterable[Object]) -> list[LastRun]:
     kept = (one for one in maps if (meta(one).get("namespace"), name_of(one)) == (REF.namespace, REF.name))
     for text in chain(*((one.get("data") or {}).values() for one in kept)):
         with contextlib.suppress(*SPOILT):
-            runs.append(HostRun.from_dict(json.loads(text)))
+            runs.append(HostRun.from_dict(json_of(text)))
     newest = {run.host: run for run in sorted(runs, key=attrgetter("started")) if run.outcome.outcome}
     rows = []
     for host, run in sorted(newest.items()):

@@ -7,22 +7,26 @@ others.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
 from ...module_utils._common.errors import FleetError, KubeError
-from ...module_utils._step.objects import Object, name_of
+from ...module_utils._step.objects import Object, labels_of, name_of
 from .._kube.client import Kube
 from .._kube.pods import meta
+from .._kube.running import outdated
 from .._model import names
 from .._model.context import Robot, master_namespace
 from .._model.fleet import Fleet
+from .._model.formats import FORMS
 from .._objects.pod_settings import promised
 from .._update.outcome import EVENTS_NAME
 from . import held, ros_graph, rows
+from .attention import attention
+from .host_run import SPOILT
 from .kept import REF
 from .results import Result, message_of
 from .ros_graph import Graphs, apps_of
@@ -42,7 +46,7 @@ KINDS = {
 MAPS = {REF.name: REF.namespace, EVENTS_NAME: ""}  # ConfigMaps, and where; all of them together are megabytes
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
-_USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
+_USAGE = re.compile(r"(\d{1,18})\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -116,9 +120,34 @@ def _read(kube: Kube) -> Answer:
             answer.objects[kind] = kube.objects(kind, labels=labels)
         maps = (kube.objects("ConfigMap", where, fields=f"metadata.name={name}") for name, where in MAPS.items())
         answer.objects["ConfigMap"] = [*chain.from_iterable(maps)]
-    except KubeError as error:
+    except (KubeError, *SPOILT) as error:
         answer.problem = str(error)
     return answer
+
+
+def believed(answer: Answer, robot: str, now: float) -> Answer:
+    """Of a robot's own cluster: what it says of that robot, or nothing where that makes no sense.
+
+    Whoever is root there is its API server, too. He could speak for other robots, keep the status from all of them, or
+    have a name that is a command in what an operator is told to run.
+    """
+    try:
+        objects = {kind: [one for one in found if _is_own(one, robot)] for kind, found in answer.objects.items()}
+        for one in objects.get("ConfigMap", ()):
+            if name_of(one) == REF.name:
+                one["data"] = {host: text for host, text in (one.get("data") or {}).items() if host == robot}
+        attention(held.cluster_rows([objects], {}, now))
+        list(outdated(objects.get("Pod", ()), lambda _node, _image: ()))
+    except SPOILT as error:
+        return Answer(problem=f"what it says makes no sense: {type(error).__name__}: {error}")
+    return replace(answer, objects=objects)
+
+
+def _is_own(one: Object, robot: str) -> bool:
+    """Whether an object has a name that is one, and is of this robot, or of none."""
+    said = {key: str(meta(one).get(key) or "") for key in ("name", "namespace")}
+    named = all(FORMS["dns-name"].test(text) for text in said.values() if text) and bool(said["name"])
+    return named and labels_of(one).get(names.LABEL_ROBOT, robot) == robot
 
 
 # ---- hosts
@@ -214,8 +243,9 @@ def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
     if not robot.master.ours:
         return robot.master.uri
     wanted = (master_namespace(robot), names.MASTER_NAME)
-    found = (one["spec"]["clusterIP"] for one in services if (meta(one).get("namespace"), name_of(one)) == wanted)
-    return next((f"http://{address}:{names.MASTER_PORT}" for address in found), "")
+    own = (one.get("spec") or {} for one in services if (meta(one).get("namespace"), name_of(one)) == wanted)
+    found = (str(spec.get("clusterIP")) for spec in own)
+    return next((f"http://{one}:{names.MASTER_PORT}" for one in found if FORMS["addresses"].test(one)), "")
 
 
 def unmeasured(results: Mapping[str, Result]) -> list[Trouble]:
@@ -226,7 +256,12 @@ def unmeasured(results: Mapping[str, Result]) -> list[Trouble]:
     return [Trouble(f"volumes of {host}", what, todo) for host in slow]
 
 
-def usage_of(results: Iterable[Result]) -> dict[str, int]:
-    """Bytes by `<namespace>/<claim>`, from what `du -sb` said on the hosts."""
-    lines = [_USAGE.fullmatch(line) for result in results for line in result.get("stdout_lines") or []]
-    return {f"{found[2]}/{found[3]}": int(found[1]) for found in lines if found}
+def usage_of(results: Mapping[str, Result], robots: Collection[str]) -> dict[str, int]:
+    """Bytes by `<namespace>/<claim>`, from what `du -sb` said on the hosts; of a robot's host those of that robot."""
+    told = [(host, line) for host, result in results.items() for line in str(result.get("stdout") or "").splitlines()]
+    lines = [(host, found) for host, line in told if (found := _USAGE.fullmatch(line))]
+    return {
+        f"{found[2]}/{found[3]}": int(found[1])
+        for host, found in lines
+        if host not in robots or found[2] == names.robot_namespace(host)
+    }

@@ -23,7 +23,8 @@ def message_of(result: Result) -> str:
     """What a failed result says: its message, or those of its failed items, or what the command wrote."""
     if "censored" in result:
         return HIDDEN
-    items = [item for item in result.get("results") or [] if isinstance(item, Mapping)]
+    listed = result.get("results")
+    items = [item for item in listed if isinstance(item, Mapping)] if isinstance(listed, list) else []
     failed = [item for item in items if item.get("failed") or item.get("unreachable")]
     if failed:
         said = dict.fromkeys(message_of(item) for item in failed)

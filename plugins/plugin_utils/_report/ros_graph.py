@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from ...module_utils._common.documents import Result
 from ...module_utils._ros.contract import ACTION_TOPICS
@@ -29,8 +30,8 @@ Promises = Mapping[str, Promise]  # by topic
 class Process:
     """A process of a launch file, in the pod of this address; `crash` says in words what is wrong with it."""
 
-    node: str = ""
-    host: str = ""
+    node: Annotated[str, str] = ""
+    host: Annotated[str, str] = ""
     alive: bool = False
     exit_code: int | None = None
     crash: str = ""

@@ -121,7 +121,7 @@ def words(value: object) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(words(item) for item in value) or "-"
     if isinstance(value, Mapping):
-        return ", ".join(f"{key}={words(item)}" for key, item in value.items()) or "-"
+        return ", ".join(f"{words(key)}={words(item)}" for key, item in value.items()) or "-"
     return printable(" ".join(str(value).split())) or "-"
 
 

@@ -7,12 +7,12 @@ again that pods know: then none of them has to learn another one.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
+from ...module_utils._common.documents import json_of
 from .._model import context, names
 from .._model.context import Robot
 from .world import Live, Object
@@ -71,7 +71,7 @@ def _told(place: str, live: Live) -> dict[str, str]:
     pods = list(_environments(live))
     master = next((env.get("ROS_MASTER_URI", "") for key, env in pods if key == (place, names.KEEPER_NAME)), "")
     settings = [env.get(names.SETTINGS_ENV) or "{}" for _key, env in pods if env.get("ROS_MASTER_URI") == master]
-    keepers = [json.loads(text.replace("$$", "$")).get("keeper") for text in settings]
+    keepers = [json_of(text.replace("$$", "$")).get("keeper") for text in settings]
     said = {names.MASTER_NAME: master, names.KEEPER_NAME: next(filter(None, keepers), "")}
     return {name: host for name, uri in said.items() if _is_address(host := urlsplit(uri).hostname or "")}
 

@@ -15,6 +15,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ...module_utils._common.documents import json_of
 from ...module_utils._common.errors import FleetError, KubeError, NotReadyError
 from ...module_utils._common.poll import PASS
 from ...module_utils._ros import contract as ros_contract
@@ -223,7 +224,7 @@ class Ward(Hands):
         """
         for item in self.live.maps:
             if item["metadata"]["name"] == contract_name(node):
-                found = HostContract(**json.loads(item["data"][CONTRACT]))
+                found = HostContract(**json_of(item["data"][CONTRACT]))
                 if found.versions == self._versions():
                     self.contract = found
 

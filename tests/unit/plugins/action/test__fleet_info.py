@@ -46,7 +46,7 @@ def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_claims_have_their_use(monkeypatch: pytest.MonkeyPatch) -> None:
     claim = {"metadata": {"name": "logs", "namespace": "robot-robot1"}, "status": {"phase": "Bound"}}
-    used = {"stdout_lines": ["512\t/var/lib/rancher/k3s/storage/pvc-1_robot-robot1_logs"]}
+    used = {"stdout": "512\t/var/lib/rancher/k3s/storage/pvc-1_robot-robot1_logs"}
     found = info(monkeypatch, {"edge": Answer({"PersistentVolumeClaim": [claim]})}, robot1=used)
     assert [row["used_bytes"] for row in found["claims"]] == [512]
 

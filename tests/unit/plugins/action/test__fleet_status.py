@@ -78,3 +78,25 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
     told = "".join(f"  x ROS graph of robot1: {what}\n      do       {todo}\n" for what in problems)
     assert findings.partition("60 s\n")[2] == f"{told}\n"
     assert ("1 of 1 up" in counted.partition("ROS nodes")[2]) == ("graph" in result)
+
+
+@pytest.mark.parametrize(
+    "graph",
+    [
+        [],
+        {"nodes": {"/n": {"uri": 7}}},
+        {"topics": {"/t": {"rate": "fast"}}},
+        {"topics": {"/t": {"publishers": [{}]}}},
+        {"actions": {"/a": {"up": True, "servers": ["/n"], "goals": {"1e9": 1}}}},
+        {"launched": [{"node": "/n", "host": "h"}, 7]},
+    ],
+)
+def test_a_graph_that_makes_no_sense_is_a_problem_of_that_robot(said: list[str], graph: Any) -> None:
+    show("", {"graph": graph})
+    assert "ROS graph of robot1: it makes no sense" in said[0]
+
+
+def test_goals_without_number_take_no_time(said: list[str]) -> None:
+    action = {"type": "a/B", "up": True, "servers": ["/n"], "goals": {"ACTIVE": 10**15}}
+    show("", {"graph": {"actions": {"/a": action}}})
+    assert said

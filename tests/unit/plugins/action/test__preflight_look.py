@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import r
 
 PART = {"role": "agent", "servers": ["edge1"]}
 THEIRS = "ansible-core requires a minimum of Python version 3.9. Current version: 3.8.10 (default, ...)"
+FACTS: dict[str, Any] = {"hostname": "robot1", "machine_id": "ab12", "routes": []}
 
 
 def looked(
@@ -37,7 +38,7 @@ def looked(
 
 
 def test_the_clock_is_measured_by_the_call(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, asked = looked(monkeypatch, {"facts": {"clock": {"began": 0.0, "ended": 0.0}}}, 0, "")
+    found, asked = looked(monkeypatch, {"facts": {**FACTS, "clock": {"began": 0.0, "ended": 0.0}}}, 0, "")
     assert set(found["facts"]["clock"]) == {"offset", "uncertainty"}
     assert asked == []
 
@@ -52,3 +53,12 @@ def test_a_python_that_is_too_old_is_named_with_the_way_out(monkeypatch: pytest.
 @pytest.mark.parametrize(("rc", "out"), [(0, "(3, 11)\n"), (127, "")])
 def test_another_failure_keeps_its_own_words(monkeypatch: pytest.MonkeyPatch, rc: int, out: str) -> None:
     assert looked(monkeypatch, {"failed": True, "msg": "boom"}, rc, out)[0]["msg"] == "boom"
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"hostname": 7}, {"machine_id": None}, {"routes": [{"mtu": "9" * 5000}]}, {"routes": [7]}]
+)
+def test_nonsense_ends_at_the_host_that_tells_it(monkeypatch: pytest.MonkeyPatch, wrong: dict[str, Any]) -> None:
+    """Others are measured against its facts."""
+    found, _asked = looked(monkeypatch, {"facts": {**FACTS, **wrong, "clock": {"began": 0.0, "ended": 0.0}}}, 0, "")
+    assert (found["failed"], "tells nonsense of itself" in found["msg"], "facts" in found) == (True, True, False)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import sidecar
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
 CODE = Path(sidecar.__file__).read_text("utf-8")
 # Stands for run.py: it is the sidecar, and what the sidecar starts. `begin` lasts until its file is there.
@@ -87,6 +88,28 @@ def test_whoever_says_nothing_or_hangs_up_costs_nothing(port: int) -> None:
         assert get(port, "/stop") == 200
         silent.sendall(b"\x16\x03\x01 no http\r\n\r\n")
         assert silent.recv(100).startswith(b"HTTP/1.1 404 ")
+
+
+@pytest.mark.usefixtures("running")
+def test_who_asks_for_too_much_is_hung_up_on(port: int) -> None:
+    """Others, who have an address of their own, are answered; and so is who has let go."""
+    silent = [socket.create_connection(("127.0.0.1", port)) for _one in range(sidecar.OF_ONE)]
+    with socket.create_connection(("127.0.0.1", port)) as one_more:
+        assert one_more.recv(1) == b""
+    other = http.client.HTTPConnection("127.0.0.1", port, timeout=20, source_address=("127.0.0.2", 0))
+    other.request("GET", "/stop")
+    assert other.getresponse().status == 200
+    silent.pop().close()
+    until(lambda: answers(port))
+    for one in silent:
+        one.close()
+
+
+def answers(port: int) -> bool:
+    try:
+        return get(port, "/stop") == 200
+    except (ConnectionError, http.client.HTTPException):
+        return False
 
 
 def test_it_ends_with_its_pod(running: subprocess.Popen[str]) -> None:

@@ -312,6 +312,9 @@ def test_what_is_no_job(world: World, jobs: list[tuple[str, Any]]) -> None:
     assert post(world, "graph", b"[1")[0] == 404
     assert post(world, "graph", [1])[0] == 404
     assert post(world, "ready", {"timeout": 901})[0] == post(world, "graph", {"rate_seconds": float("nan")})[0] == 404
+    for wrong in ({"interval": 0}, {"interval": 901}, {"node_timeout": 1e9}, {"timeout": [1]}, {"interval": "soon"}):
+        assert post(world, "hold", wrong)[0] == 404
+    assert post(world, "graph", b"[" * 100_000)[0] == post(world, "graph", b'{"a": ' + b"9" * 1_000_000)[0] == 404
     assert post(world, "graph", {}, namespace="robot-robot2") == (
         404,
         {"error": "this keeper does not look after robot-robot2"},

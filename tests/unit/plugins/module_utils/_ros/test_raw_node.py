@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import http.client
+import socket
+import time
 import xmlrpc.client
 from collections.abc import Iterator, Mapping
 
@@ -122,3 +124,44 @@ def test_a_call_without_an_end_is_not_read(slave: Slave, length: str) -> None:
     said, goes_on = called(slave, b"", length)
     assert f"a call has 0 to {raw_node.MAX_CALL} bytes" in said
     assert not goes_on
+
+
+def knock(port: int, address: str = "127.0.0.1") -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), 2, (address, 0))
+
+
+@pytest.mark.parametrize("door", ["http", "tcpros"])
+def test_nobody_takes_the_place_of_all(slave: Slave, door: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A connection costs a thread: who has too many is hung up on at once, and others are served."""
+    monkeypatch.setattr(raw_node, "MOST_OF_ONE", 3)
+    monkeypatch.setattr(raw_node, "MOST", 4)
+    port = int(slave.server.server_address[1] if door == "http" else slave.tcpros[2])
+    guests = (slave.server if door == "http" else slave.listener).guests
+    there = [knock(port) for _one in range(3)]
+    until(lambda: len(guests) == 3)
+    assert knock(port).recv(1) == b""
+    other = knock(port, "127.0.0.2")
+    until(lambda: len(guests) == 4)
+    assert knock(port, "127.0.0.3").recv(1) == b""
+    for one in (*there, other):
+        one.close()
+    until(lambda: not guests)
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET /ready HTTP/1.1\r\n", b"POST / HTTP/1.1\r\nContent-Length: 9\r\n\r\nx"])
+def test_who_drips_is_hung_up_on(slave: Slave, sent: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often a byte comes: in the line, in the headers, in the body."""
+    monkeypatch.setattr(raw_node._Handler, "timeout", 0.3)
+    link = knock(int(slave.server.server_address[1]))
+    link.sendall(sent)
+    link.settimeout(0.02)
+    ended = time.monotonic() + 5
+    while time.monotonic() < ended:
+        try:
+            if not link.recv(1 << 16):
+                return
+        except TimeoutError:
+            link.sendall(b"x")
+        except ConnectionError:
+            return
+    pytest.fail("it is listened to for ever")

@@ -70,6 +70,21 @@ def test_a_number_ends(tag: str) -> None:
         loads(f"<params xmlns:x='x'><param><value><{tag}>{'7' * 21}</{tag}></value></param></params>".encode())
 
 
+@pytest.mark.parametrize("nest", ["<array><data><value>", "<struct><member><name>a</name><value>"])
+def test_a_value_ends(nest: str) -> None:
+    """A list in lists is nothing that a repr, a comparison or a copy gets to the end of."""
+    with pytest.raises(RosError, match="more than 300 tags within each other"):
+        loads(f"<params><param><value>{nest * 50_000}".encode())
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"<params>", b"<params><param><value><int>x</int></value></param></params>", b"\xff"]
+)
+def test_what_is_no_xml_rpc_is_an_error_of_ours(body: bytes) -> None:
+    with pytest.raises(RosError, match="it is nonsense"):
+        loads(body)
+
+
 def test_nobody_else_parses_xml_of_peers() -> None:
     """`launch_file` reads what a user wrote, on the control node, and refuses entities in words of its own."""
     parsing = re.compile(r"xmlrpc\.client\.(loads|getparser|ServerProxy)|\bexpat\b|ElementTree|minidom|xml\.sax")

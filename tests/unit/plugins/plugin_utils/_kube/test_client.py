@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube import connection
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
@@ -285,3 +286,12 @@ def test_merge(server: Server, kube: Kube) -> None:
     with pytest.raises(ApiError, match="Somebody else changed it") as error:
         kube.merge(node, {"metadata": {"labels": {"x": "y"}, "resourceVersion": "7"}})
     assert error.value.status == 409
+
+
+def test_an_answer_without_end_is_not_read(server: Server, kube: Kube, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot that is a cluster of its own may answer what it wants."""
+    server.lists["/api/v1/nodes"] = [{"metadata": {"name": "x" * 5000, "resourceVersion": "7"}}]
+    assert kube.nodes()
+    monkeypatch.setattr(connection, "MAX_ANSWER", 4000)
+    with pytest.raises(ApiError, match="more than 4000 bytes was not read"):
+        kube.nodes()

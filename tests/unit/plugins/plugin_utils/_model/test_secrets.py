@@ -56,6 +56,9 @@ def test_passwords_in_addresses_and_in_objects_that_are_kept_as_text() -> None:
     [
         {"args": ["--user=me", "--password=hush"]},
         {"args": ["serve -token hush"]},
+        {"args": ["serve", "--token", "hush", "--verbose"]},
+        {"args": ["curl", "-H", "Authorization: Bearer hush"]},
+        {"data": {"file-0": "authorization: hush\n"}},
         {"args": ["--wifi-psk=hush"]},
         {"args": ["me:hush@db.example.org/x"]},
         {"data": {"file-0": "broker=me:hush@mqtt\nname=x"}},
@@ -73,6 +76,7 @@ def test_those_in_texts_and_under_keys(value: dict[str, Any]) -> None:
     [
         {"image": "registry.example.org:5000/talker:v1.2.3@sha256:0123"},
         {"image": "talker:v1.2.3@sha256:0123"},
+        {"args": ["--tokens", "3"]},
         {"args": ["--tokens=3", "--topic=a", "rosrun", "x:=y", "http://a:80/x", "at 10:30 mail me@example.org"]},
         {"spec": {"secretName": "x", "secret": {"items": [{"key": "a", "path": "b"}]}}},
         {"automountServiceAccountToken": True},

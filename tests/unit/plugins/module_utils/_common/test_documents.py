@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""JSON of others: what is made to do harm is an error of ours, at once."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import json_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import closed, events_of, went_back
+
+
+def test_it_reads_what_the_library_reads() -> None:
+    assert json_of('{"a": [1, -9223372036854775808, 1.5, NaN, "x", null]}')["a"][:3] == [1, -(2**63), 1.5]
+    assert json_of(b"[true]") == [True]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '{"a":' * 100_000, "9" * 4_000_000, None, 7])
+def test_what_is_none_or_does_harm(text: Any) -> None:
+    began = time.process_time()
+    with pytest.raises(ValueError):
+        json_of(text)
+    assert time.process_time() - began < 1
+
+
+@pytest.mark.parametrize("spoilt", ["[" * 100_000, '{"ends": Infinity}', '{"ready_timeout": "never"}'])
+def test_a_record_that_somebody_spoilt_is_none(spoilt: str) -> None:
+    assert record_of({"data": {"contract.json": spoilt}}).revision == ""
+
+
+@pytest.mark.parametrize("phases", ["7", '"long"', "[1]", '{"wait": "long"}'])
+def test_events_that_somebody_spoilt_are_begun_anew(phases: str) -> None:
+    item = {
+        "data": {
+            "updates.json": f'{{"updates": [{{"app": "a", "started": 1, "outcome": "running", "phases": {phases}}}]}}'
+        }
+    }
+    assert [closed(one, None) for one in events_of(item)] == []
+
+
+def test_a_note_that_is_no_text() -> None:
+    assert went_back({"metadata": {"annotations": {"rosops.fleet/went-back": 7}}}) == {}
