@@ -111,7 +111,7 @@ class HostFile:
 
 @dataclass(frozen=True)
 class Datastore:
-    """What a server's is, or is to be: k3s goes no way back from either."""
+    """What a server's is, or is to be. What is there stays as it is."""
 
     etcd: bool = False
     encrypts: bool = False  # Secrets in it
