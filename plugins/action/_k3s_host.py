@@ -15,7 +15,7 @@ from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG, without_sec
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import plain
-from ..plugin_utils._k3s.wanted import Wanted, enrolled, tokens_to_keep, wanted
+from ..plugin_utils._k3s.wanted import Datastore, Wanted, enrolled, tokens_to_keep, wanted
 from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, keep, kubeconfig_head, local_kubeconfig
 from ..plugin_utils._objects.revocation import described, policy_name, refusal_of
 from ..plugin_utils._upstream import ansible_core
@@ -96,7 +96,8 @@ class ActionModule(FleetAction):
         check, staged = bool(self._task.check_mode), plan["staged"]
         host = ActionHost(self, known, check_mode=check)
         place = ActionHost(self, known, check_mode=check or bool(staged))
-        files = wanted(variables, known["inventory_hostname"], known["hostvars"], plan["joins"], plan["etcd"]).files
+        there = (plan["joins"], Datastore(plan["etcd"], plan["encrypts"]))
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"], *there).files
         result = {"changed": False, "diff": [], "written": plan["write"], "removed": plan["remove"]}
         done = [host.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False) for name, text in tokens.items()]
         for file in (file for file in files if file.path in plan["write"]):

@@ -12,15 +12,19 @@ from dataclasses import asdict
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import SpecError
 from ..module_utils._common.poll import PASS
-from ..module_utils._host.k3s import SERVICES
-from ..module_utils._host.k3s_change import NEXT
+from ..module_utils._host.k3s import ENCRYPTION, SERVICES
+from ..module_utils._host.k3s_change import DATABASE, NEXT
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import old_archives, plan, refusals, unheard_refusal
-from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, source, wanted
+from ..plugin_utils._k3s.wanted import API_PORT, Datastore, Wanted, join_url, source, wanted
 from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, kubeconfig_head
 from ..plugin_utils._model.topology import address
+from ..plugin_utils._upstream import ansible_core
+
+# on a server that is still to come, as in check mode, it will be so
+ENCRYPTS = f"if test ! -e {DATABASE} || test -e {ENCRYPTION}; then echo yes; else echo no; fi"
 
 
 class ActionModule(FleetAction):
@@ -29,7 +33,8 @@ class ActionModule(FleetAction):
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
         servers = [] if part.init else _addresses(variables, known["hostvars"])
-        asked = {"role": variables["k3s_role"], "files": list(part.started_with), "servers": servers}
+        files = [*part.started_with, *(file.path for file in part.files if file.path not in part.started_with)]
+        asked = {"role": variables["k3s_role"], "files": files, "servers": servers}
         # an agent has one of its own, which the inventory does not know
         for_agents = variables["k3s_agent_token"] if variables["k3s_role"] == "server" else ""
         tokens = {"token": variables["k3s_token"], "agent_token": for_agents}
@@ -37,7 +42,8 @@ class ActionModule(FleetAction):
         if now.get("failed") or now.get("unreachable"):
             return now
         joins = "" if part.init else join_url(variables, known["hostvars"], now)
-        part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins, now["etcd"])
+        datastore = Datastore(now["etcd"], self._encrypts(now, part, variables, known))
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins, datastore)
         found = _plan(now, part, variables, known)
         if found["unsure"]:
             self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
@@ -53,11 +59,31 @@ class ActionModule(FleetAction):
                 "k3s does not serve here, and there is a cluster's data: whatever works here cannot be asked, and k3s "
                 "is started with what the inventory says"
             )
-        return {"changed": False, **found}
+        return {"changed": False, **asdict(datastore), **found}
+
+    def _encrypts(self, now: Result, part: Wanted, variables: Variables, known: Variables) -> bool:
+        """Whether k3s is to encrypt Secrets: a new cluster does, an old one as it did, on all its servers."""
+        # whether an external datastore is new nobody knows here
+        if now["data"] or variables["k3s_role"] == "agent" or "datastore-endpoint" in variables["k3s_config"]:
+            return bool(now["encrypts"])
+        if part.init:
+            return True
+        look = {"ansible.builtin.command": {"argv": ["sh", "-c", ENCRYPTS]}, "become": True, "check_mode": False}
+        for server in _givers(now, variables, known):
+            if said := ansible_core.run_task(self, known, {**look, "delegate_to": server}).get("stdout"):
+                return bool(said == "yes")
+        return False  # it joins none of them either, then
 
 
 def _addresses(variables: Variables, hostvars: Mapping[str, Variables]) -> list[str]:
     return [f"{address(server, hostvars)}:{API_PORT}" for server in variables["k3s_server_hosts"]]
+
+
+def _givers(now: Result, variables: Variables, known: Variables) -> list[str]:
+    """Servers that a new member may ask: those that answer, else the first one."""
+    servers, places = variables["k3s_server_hosts"], _addresses(variables, known["hostvars"])
+    answering = [server for server, place in zip(servers, places, strict=True) if place in now["answering"]]
+    return answering or [server for server in servers if server != known["inventory_hostname"]][:1]
 
 
 def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> Result:
@@ -78,14 +104,8 @@ def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> 
         "rivals": servers[1:] if part.init and not now["data"] else [],
         "join": work["tokens"] if variables["k3s_role"] == "server" and not part.init else [],
         "joins": part.url,
-        "etcd": now["etcd"],
         "cgroup_refused": now["cgroup_refused"],
-        "givers": [
-            server
-            for server, place in zip(servers, _addresses(variables, known["hostvars"]), strict=True)
-            if place in now["answering"]
-        ]
-        or [server for server in servers if server != host][:1],
+        "givers": _givers(now, variables, known),
         "version": now["version"],
         "staged": NEXT if work["guarded"] else "",
         "hands_out": list(part.tokens),

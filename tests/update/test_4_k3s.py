@@ -18,6 +18,8 @@ EDGE = "edge1"
 HOSTS = [EDGE, *ROBOTS]
 BINARY, RECORD = "/usr/local/bin/k3s", "/var/lib/rosops-fleet/k3s-change.json"
 DATABASE = "/var/lib/rancher/k3s/server/db"
+SYSCTLS, AUDIT_POLICY = "/etc/sysctl.d/90-rosops-fleet.conf", "/etc/rancher/k3s/rosops-fleet-audit.yaml"
+AUDIT_LOG = "/var/lib/rancher/k3s/server/logs/audit.log"
 SETTINGS: dict[str, Any] = {"kubelet-arg": ["max-pods=100"]}
 
 
@@ -89,6 +91,33 @@ def test_check_mode_and_a_second_run_start_no_k3s_anew(fleet: Fleet) -> None:
     again = change(fleet, k3s_config=SETTINGS)
     assert (again.status, again.changed) == (0, 0), again
     assert starts(fleet) == now
+
+
+@pytest.mark.long
+@pytest.mark.promise("hardening comes and goes as a change of k3s, and the robots notice nothing")
+@pytest.mark.usefixtures("put_back")
+def test_hardening_comes_and_goes_under_robots_at_work(fleet: Fleet) -> None:
+    before, pods = on(fleet, "cat /etc/rancher/k3s/config.yaml"), fleet.running()
+    watch = fleet.watch()
+    change(fleet, k3s_hardening=True, update_waves=[1, "100%"]).must(0)
+    for host in HOSTS:
+        path = f"/api/v1/nodes/{host}/proxy/configz"
+        kubelet = json.loads(fleet.hosts.ssh(EDGE, f"{BINARY} kubectl get --raw {path}"))["kubeletconfig"]
+        assert (kubelet["protectKernelDefaults"], kubelet["streamingConnectionIdleTimeout"]) == (True, "5m0s")
+        fleet.hosts.ssh(host, f"test -e {SYSCTLS}")
+    fleet.hosts.ssh(EDGE, f"{BINARY} kubectl -n kube-system create configmap audited --from-literal key=sought")
+    fleet.hosts.ssh(EDGE, f"{BINARY} kubectl -n kube-system delete configmap audited")
+    said = [json.loads(line) for line in fleet.hosts.ssh(EDGE, f"grep audited {AUDIT_LOG}").splitlines()]
+    assert {"create", "delete"} <= {one["verb"] for one in said}
+    assert {one["level"] for one in said} == {"Metadata"}
+    assert not fleet.hosts.ssh(EDGE, f"grep sought {AUDIT_LOG} || true")
+    again = change(fleet, k3s_hardening=True)
+    assert (again.status, again.changed) == (0, 0), again
+    change(fleet, update_waves=[1, "100%"]).must(0)
+    assert on(fleet, "cat /etc/rancher/k3s/config.yaml") == before
+    assert not any(on(fleet, f"ls {SYSCTLS} {AUDIT_POLICY} 2>/dev/null || true").values())
+    fleet.assert_still_running(pods)
+    watch.assert_only_lookups_failed()
 
 
 @pytest.mark.long

@@ -18,6 +18,7 @@ from .k3s import (
     BINARY,
     CONFIG_DIR,
     DATA_DIR,
+    ENCRYPTION,
     ETCD,
     KUBECONFIG,
     SERVICES,
@@ -262,9 +263,9 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
 
     `stale`: k3s was started with other files. `data`: there is a datastore (server) or a node's certificate (agent); a
     host without it says which servers are `answering`. `lapsed`: the node's certificate is of no more use to it.
-    `cgroup_refused`: k3s 1.35 and newer does not start here. `tokens` are verdicts alone, and `change` is the last
-    exchange. The servers' token never changes; that for agents may become another one, which k3s itself has written
-    down only after its next start.
+    `encrypts`: Secrets in the datastore are. `cgroup_refused`: k3s 1.35 and newer does not start here. `tokens` are
+    verdicts alone, and `change` is the last exchange. The servers' token never changes; that for agents may become
+    another one, which k3s itself has written down only after its next start.
     """
     role, files, servers = asked["role"], asked["files"], asked["servers"]
     service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
@@ -290,6 +291,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
         "ready": seen.verdict == PASS,
         "data": data,
         "etcd": role == "server" and host.path(ETCD).exists(),
+        "encrypts": role == "server" and host.path(ENCRYPTION).exists(),
         "lapsed": role == "agent" and data and time.time() - host.path(KUBELET).stat().st_mtime > LIFE,
         "tokens": {
             "server": token_verdict(asked["token"], kept[0], known[0]),

@@ -24,6 +24,10 @@ BINARY = "/usr/local/bin/k3s"
 CONFIG_DIR = "/etc/rancher/k3s"
 DATA_DIR = "/var/lib/rancher/k3s"
 ETCD = f"{DATA_DIR}/server/db/etcd"
+ENCRYPTION = f"{DATA_DIR}/server/cred/encryption-config.json"  # k3s keeps its key there, if it encrypts Secrets
+# Names of our own, so that a file of the operator's is never taken for ours and deleted.
+SYSCTLS = "/etc/sysctl.d/90-rosops-fleet.conf"
+AUDIT_POLICY = f"{CONFIG_DIR}/rosops-fleet-audit.yaml"
 KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
 SERVICES = {"server": "k3s", "agent": "k3s-agent"}
 # The unit writes here what it was started with (plugin_utils/_k3s/wanted.py).

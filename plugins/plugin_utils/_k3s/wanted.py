@@ -21,12 +21,14 @@ import yaml
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.errors import SpecError
 from ...module_utils._host.k3s import (
+    AUDIT_POLICY,
     BINARY,
     CONFIG_DIR,
     SERVICES,
     STARTED_WITH,
     STATE,
     SUM_LINE,
+    SYSCTLS,
     UNIT_DIRECTORY,
     token_verdict,
 )
@@ -36,7 +38,7 @@ from .._model.topology import address
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
 # the arguments of its parts may hold more.
-SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|s3-proxy|access-key|(^|-)(auth|token)$")
+SECRET_KEY = re.compile(r"secret(?!s-encryption)|password|datastore-endpoint|s3-proxy|access-key|(^|-)(auth|token)$")
 API_PORT = 6443
 SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@")
 # A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.
@@ -69,6 +71,32 @@ RestartSec=5s
 [Install]
 WantedBy=multi-user.target
 """
+# By k3s' own guide for the CIS benchmark, as of 1.34 (docs.k3s.io/security/hardening-guide), but for admission: a
+# namespace's level is `robot_namespace_pod_security`, and EventRateLimit has no limits that fit all fleets.
+KERNEL = """vm.panic_on_oom=0
+vm.overcommit_memory=1
+kernel.panic=10
+kernel.panic_on_oops=1
+"""
+# That of the guide, but for what each node writes every ten seconds: who asked for what, and never what is in it.
+AUDIT = {
+    "apiVersion": "audit.k8s.io/v1", "kind": "Policy", "omitStages": ["RequestReceived"],
+    "rules": [{"level": "None", "namespaces": ["kube-node-lease"]}, {"level": "Metadata"}],
+}  # fmt: skip
+CIPHERS = (
+    "TLS_ECDHE_ECDSA_WITH_AES_256_GCM_SHA384", "TLS_ECDHE_RSA_WITH_AES_256_GCM_SHA384",
+    "TLS_ECDHE_ECDSA_WITH_AES_128_GCM_SHA256", "TLS_ECDHE_RSA_WITH_AES_128_GCM_SHA256",
+    "TLS_ECDHE_ECDSA_WITH_CHACHA20_POLY1305", "TLS_ECDHE_RSA_WITH_CHACHA20_POLY1305",
+)  # fmt: skip
+OF_EACH_NODE = {"kubelet-arg": ["streaming-connection-idle-timeout=5m", f"tls-cipher-suites={','.join(CIPHERS)}"]}
+OF_SERVERS = {
+    "kube-apiserver-arg": [
+        "audit-log-path=/var/lib/rancher/k3s/server/logs/audit.log", f"audit-policy-file={AUDIT_POLICY}",
+        "audit-log-maxage=30", "audit-log-maxbackup=10", "audit-log-maxsize=100",
+        "service-account-extend-token-expiration=false",
+    ],
+    "kube-controller-manager-arg": ["terminated-pod-gc-threshold=100"],
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -79,6 +107,17 @@ class HostFile:
     content: str
     mode: str
     secret: bool
+
+
+@dataclass(frozen=True)
+class Datastore:
+    """What a server's is, or is to be. What is there stays as it is."""
+
+    etcd: bool = False
+    encrypts: bool = False  # Secrets in it
+
+
+PLAIN = Datastore()
 
 
 @dataclass(frozen=True)
@@ -112,12 +151,9 @@ def server_url(variables: Variables, server: str, hostvars: Mapping[str, Variabl
 
 
 def wanted(
-    variables: Variables, host: str, hostvars: Mapping[str, Variables], joins: str = "", etcd: bool = False
+    variables: Variables, host: str, hostvars: Mapping[str, Variables], joins: str = "", datastore: Datastore = PLAIN
 ) -> Wanted:
-    """`joins` is the server that a member joins, by default the first one; `etcd`: the host has such a datastore.
-
-    SpecError where a server is no host.
-    """
+    """`joins` is the server that a member joins, by default the first one. SpecError where a server is no host."""
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
     init = role == "server" and servers[:1] == [host]
     url = joins or server_url(variables, servers[0], hostvars)
@@ -125,7 +161,9 @@ def wanted(
     # over into etcd once it starts with cluster-init, and there is no way back.
     joining: dict[str, object] = {"server": url}
     if init:
-        joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
+        joining = {"cluster-init": True} if datastore.etcd or len(servers) > 1 else {}
+    if datastore.encrypts:
+        joining["secrets-encryption"] = True
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
     unit = f"{UNIT_DIRECTORY}/{SERVICES[role]}.service"
     config_file, registries, environment = (
@@ -133,7 +171,14 @@ def wanted(
     )
     tokens = ("token", "agent-token") if role == "server" else ("agent-token",)
     token_files = [f"{CONFIG_DIR}/{name}" for name in tokens]
-    started_with = (config_file, unit, registries, environment, *token_files, BINARY)
+    hardened = variables["k3s_hardening"]
+    hardening = (
+        HostFile(SYSCTLS, HEADER + KERNEL if hardened else "", "0644", False),
+        HostFile(AUDIT_POLICY, _yaml(AUDIT) if hardened and role == "server" else "", "0600", False),
+    )
+    # what is not asked for is in no record: the record of each k3s that is there would be another one
+    read = [file.path for file in hardening if file.content]
+    started_with = (config_file, unit, registries, environment, *read, *token_files, BINARY)
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
     # systemd reads a value as C does, which JSON's quotes are
     given = sorted(variables["k3s_environment"].items(), key=lambda one: one[0].lower())
@@ -143,6 +188,7 @@ def wanted(
         HostFile(unit, unit_text(role, started_with, variables), "0644", False),
         HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
         HostFile(environment, HEADER + variables_text if variables_text else "", "0600", True),
+        *hardening,
     )
     path = variables["k3s_kubeconfig_path"]
     kubeconfig = str(Path(path).expanduser()) if init and path else ""
@@ -169,7 +215,20 @@ def _config(variables: Variables, joining: Mapping[str, object], own_address: st
             "token-file": f"{CONFIG_DIR}/token",
         }
     config["agent-token-file" if variables["k3s_role"] == "server" else "token-file"] = f"{CONFIG_DIR}/agent-token"
-    return {key: value for key, value in {**config, **joining, **variables["k3s_config"]}.items() if value is not None}
+    config |= {**joining, **variables["k3s_config"]}
+    if variables["k3s_hardening"]:
+        config = _hardened(config, variables["k3s_role"])
+    return {key: value for key, value in config.items() if value is not None}
+
+
+def _hardened(config: Mapping[str, object], role: str) -> dict[str, object]:
+    """With what hardens k3s. What the operator says of the same comes last, and by that counts; null takes it out."""
+    hardened: dict[str, object] = {"protect-kernel-defaults": True, **config}
+    for key, arguments in (OF_EACH_NODE | (OF_SERVERS if role == "server" else {})).items():
+        own = config.get(key, [])
+        if own is not None:
+            hardened[key] = [*arguments, *(own if isinstance(own, list) else [own])]
+    return hardened
 
 
 def _yaml(value: Mapping[str, object]) -> str:
@@ -188,6 +247,8 @@ def unit_text(role: str, started_with: Sequence[str], variables: Variables) -> s
         "LimitNPROC": "infinity",
         "LimitCORE": "infinity",
         "TasksMax": "infinity",
+        # with `protect-kernel-defaults` the kubelet ends where these are others
+        "ExecStartPre": f"-/sbin/sysctl -p {SYSCTLS}" if variables["k3s_hardening"] else "",
     }
     lines = "\n".join(f"{name}={value}" for name, value in limits.items() if value != "")
     read, record = " ".join(started_with), STARTED_WITH.format(service=SERVICES[role])

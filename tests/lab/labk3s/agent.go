@@ -265,6 +265,7 @@ func kubeletConfig(c *config) map[string]any {
 		"healthzBindAddress":            "127.0.0.1",
 		"imageGCHighThresholdPercent":   100,
 		"localStorageCapacityIsolation": false,
+		"protectKernelDefaults":         c.ProtectKernel,
 		"resolvConf":                    resolvConf(c),
 		"serializeImagePulls":           false,
 		"staticPodPath":                 agent("pod-manifests"),

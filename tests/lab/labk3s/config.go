@@ -29,6 +29,10 @@ type config struct {
 	KubeconfigMode       string   `json:"write-kubeconfig-mode"`
 	Disable              []string `json:"disable"`
 	KubeletArgs          []string `json:"kubelet-arg"`
+	APIServerArgs        []string `json:"kube-apiserver-arg"`
+	ControllerArgs       []string `json:"kube-controller-manager-arg"`
+	ProtectKernel        bool     `json:"protect-kernel-defaults"`
+	SecretsEncryption    bool     `json:"secrets-encryption"`
 	DisableNetworkPolicy bool     `json:"disable-network-policy"`
 
 	server         bool
@@ -107,6 +111,8 @@ func (c *config) check() (err error) {
 		return errors.New("--server is required")
 	case !c.server && c.DisableNetworkPolicy:
 		return errors.New("disable-network-policy: an agent does as its server was told to")
+	case !c.server && (c.SecretsEncryption || len(c.APIServerArgs)+len(c.ControllerArgs) > 0):
+		return errors.New("secrets-encryption, kube-apiserver-arg and kube-controller-manager-arg are for servers")
 	case c.ServerURL != "" && c.token == "":
 		return errors.New("--token is required")
 	case c.ServerURL != "" && !strings.HasPrefix(c.ServerURL, "https://"):

@@ -13,7 +13,7 @@ import (
 
 func apiserverArgs(c *config) map[string]string {
 	tls := c.dataDir.tls
-	return map[string]string{
+	args := map[string]string{
 		"advertise-address":                  c.NodeIP,
 		"allow-privileged":                   "true",
 		"anonymous-auth":                     "false",
@@ -50,6 +50,11 @@ func apiserverArgs(c *config) map[string]string {
 		"tls-cert-file":                      tls("serving-kube-apiserver.crt"),
 		"tls-private-key-file":               tls("serving-kube-apiserver.key"),
 	}
+	if c.SecretsEncryption {
+		args["encryption-provider-config"] = c.encryptionFile()
+		args["encryption-provider-config-automatic-reload"] = "true"
+	}
+	return args
 }
 
 func controllerArgs(c *config) map[string]string {
@@ -103,7 +108,7 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 	if err := waitFree(ctx, 10257, 10259); err != nil {
 		return err
 	}
-	if err := procs.component("kube-apiserver", arguments(apiserverArgs(c))); err != nil {
+	if err := procs.component("kube-apiserver", arguments(apiserverArgs(c), c.APIServerArgs...)); err != nil {
 		return err
 	}
 	if err := waitReady(ctx, kube); err != nil {
@@ -111,7 +116,7 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 	}
 	ready()
 	dropOwnLeases(ctx, kube)
-	if err := procs.component("kube-controller-manager", arguments(controllerArgs(c))); err != nil {
+	if err := procs.component("kube-controller-manager", arguments(controllerArgs(c), c.ControllerArgs...)); err != nil {
 		return err
 	}
 	return procs.component("kube-scheduler", arguments(schedulerArgs(c)))

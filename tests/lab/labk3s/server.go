@@ -48,6 +48,9 @@ func runServer(ctx context.Context, c *config) error {
 	if err := serverLeaves(c, cas); err != nil {
 		return err
 	}
+	if err := ensureEncryption(c); err != nil {
+		return err
+	}
 	agentSecret, err := writeTokens(c, cas, secret)
 	if err != nil {
 		return err
@@ -146,7 +149,7 @@ func prepareServer(ctx context.Context, c *config) (string, error) {
 	}
 	return secret, poll(ctx, time.Second, 0, func() (bool, error) {
 		err := fetchBootstrap(ctx, c, given)
-		if err == nil || refused(err) {
+		if err == nil || refused(err) || errors.Is(err, errOtherEncryption) {
 			return true, err
 		}
 		logf("warning", "Waiting for the server to join: %v", err)
@@ -161,6 +164,9 @@ func fetchBootstrap(ctx context.Context, c *config, t token) error {
 	}
 	shared := map[string]string{}
 	if err := j.getJSON(ctx, "/v1-k3s/server-bootstrap", &shared); err != nil {
+		return err
+	}
+	if err := takeEncryption(c, shared[encryptionShared]); err != nil {
 		return err
 	}
 	for _, name := range sharedFiles() {

@@ -435,6 +435,14 @@ func (s *supervisor) serveBootstrap(w http.ResponseWriter, _ *http.Request) {
 		}
 		shared[name] = string(content)
 	}
+	if s.config.SecretsEncryption {
+		content, err := os.ReadFile(s.config.encryptionFile())
+		if err != nil {
+			http.Error(w, err.Error(), http.StatusInternalServerError)
+			return
+		}
+		shared[encryptionShared] = string(content)
+	}
 	writeJSON(w, shared)
 }
 

@@ -113,7 +113,7 @@ def test_volumes_and_identity_stay_unless_asked_for(
 CONFIG, UNIT, REGISTRIES = (
     "/etc/rancher/k3s/config.yaml", "/etc/systemd/system/k3s.service", "/etc/rancher/k3s/registries.yaml",
 )  # fmt: skip
-PLAN: dict[str, Any] = {"tokens": [], "etcd": False}
+PLAN: dict[str, Any] = {"tokens": [], "etcd": False, "encrypts": False}
 
 
 @pytest.fixture
@@ -179,7 +179,7 @@ def test_a_server_to_join_comes_with_ansibles_tags(written: list[tuple[str, bool
     assert written
 
 
-def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_keeps_the_datastore_that_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
     texts: dict[str, str] = {}
 
     def write(_host: Any, path: str, content: str, _mode: str, diff: bool) -> dict[str, Any]:
@@ -190,11 +190,13 @@ def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> Non
         "hostvars": {"robot1": {}}, "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"],
         "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
     }  # fmt: skip
-    for etcd in (False, True):
+    for etcd, encrypts in ((False, True), (True, False)):
         texts.clear()
-        plan = {**PLAN, "write": [CONFIG], "remove": [], "etcd": etcd, "joins": "", "staged": ""}
+        there = {"etcd": etcd, "encrypts": encrypts}
+        plan = {**PLAN, "write": [CONFIG], "remove": [], "joins": "", "staged": "", **there}
         run(_k3s_host, {"do": "files", "plan": plan, "registered": ""}, known, False)
         assert ("cluster-init: true" in texts[CONFIG]) is etcd
+        assert ("secrets-encryption: true" in texts[CONFIG]) is encrypts
 
 
 # --- a token for one agent alone --------------------------------------------------------------------------------------

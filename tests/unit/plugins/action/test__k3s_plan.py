@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import hashlib
+import subprocess
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _k3s_plan
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "edge3": {}, "robot1": {}}
@@ -15,7 +19,8 @@ GONE = {"exists": False, "sha256": "", "mode": ""}
 BARE: dict[str, Any] = {
     "machine": "x86_64", "version": "", "images": {},
     "service": {"active": "inactive", "enabled": False, "installed": False}, "other_service": False,
-    "stale": False, "ready": False, "data": False, "lapsed": False, "etcd": False, "cgroup_refused": False,
+    "stale": False, "ready": False, "data": False, "lapsed": False, "etcd": False, "encrypts": False,
+    "cgroup_refused": False,
     "tokens": {"server": "absent", "agent": "absent"}, "server_url": "", "answering": [],
     "change": {"unproven": False, "version": ""}, "kubeconfig_sha256": "",
 }  # fmt: skip
@@ -35,7 +40,14 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
             plan.asked = args  # type: ignore[attr-defined]
             return {"files": dict.fromkeys([*args["files"], BINARY], GONE), **BARE, **now}
 
+        def on_a_server(_self: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
+            assert (task["become"], task["check_mode"]) == (True, False)
+            assert task["ansible.builtin.command"]["argv"][:2] == ["sh", "-c"]
+            plan.servers_asked.append(task["delegate_to"])  # type: ignore[attr-defined]
+            return plan.servers[task["delegate_to"]]  # type: ignore[attr-defined, no-any-return]
+
         monkeypatch.setattr(_k3s_plan.ActionHost, "job", job)
+        monkeypatch.setattr(_k3s_plan.ansible_core, "run_task", on_a_server)
         given = {
             "inventory_hostname": host, "hostvars": HOSTVARS, "k3s_cluster": "edge", "k3s_node_name": host,
             "k3s_role": "agent" if host == "robot1" else "server", "k3s_server_hosts": ["edge1", "edge2", "edge3"],
@@ -44,6 +56,7 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
         return run(_k3s_plan, {}, given)
 
     plan.waited, plan.ends = [], "pass"  # type: ignore[attr-defined]
+    plan.servers_asked, plan.servers = [], {"edge1": {"stdout": "yes"}}  # type: ignore[attr-defined]
     return plan
 
 
@@ -101,6 +114,78 @@ def test_the_configuration_goes_by_the_datastore_that_the_host_has(
     found = planned("edge1", {"etcd": etcd}, k3s_server_hosts=["edge1"])
     assert ("cluster-init: true" in seen[0].files[0].content) is init
     assert found["etcd"] is etcd
+
+
+def test_a_new_cluster_encrypts_and_one_that_is_there_does_as_it_did(planned: Any) -> None:
+    assert planned("edge1", {})["encrypts"] is True
+    assert planned("edge1", {**UP, "ready": True})["encrypts"] is False
+    assert planned("edge1", {**UP, "ready": True, "encrypts": True})["encrypts"] is True
+    # nobody knows here whether that is new
+    assert planned("edge1", {}, k3s_config={"datastore-endpoint": "postgres://x"})["encrypts"] is False
+    assert planned("robot1", {})["encrypts"] is False
+    assert not planned.servers_asked
+
+
+CONFIG, UNIT = "/etc/rancher/k3s/config.yaml", "/etc/systemd/system/k3s.service"
+SYSCTLS, AUDIT_POLICY = "/etc/sysctl.d/90-rosops-fleet.conf", "/etc/rancher/k3s/rosops-fleet-audit.yaml"
+
+
+@pytest.mark.parametrize("encrypts", [False, True])
+def test_hardening_comes_and_goes_as_a_change_of_a_cluster_that_works(
+    planned: Any, monkeypatch: pytest.MonkeyPatch, encrypts: bool
+) -> None:
+    """What began without encryption stays so, and is not started again for what new clusters have."""
+    parts: list[Wanted] = []
+
+    def recorded(*given: Any) -> Wanted:
+        parts.append(wanted(*given))
+        return parts[-1]
+
+    def there() -> dict[str, Any]:
+        """As it is once the last plan was carried out."""
+        written = {file.path: file for file in parts[-1].files if file.content}
+        return {"files": dict.fromkeys([*planned.asked["files"], BINARY], GONE) | {
+            path: {"exists": True, "mode": file.mode, "sha256": hashlib.sha256(file.content.encode()).hexdigest()}
+            for path, file in written.items()
+        }}  # fmt: skip
+
+    monkeypatch.setattr(_k3s_plan, "wanted", recorded)
+    works = {**UP, "ready": True, "version": "v1.34.2+k3s1", "encrypts": encrypts}
+    planned("edge1", works)
+    assert ("secrets-encryption: true" in parts[-1].files[0].content) is encrypts
+    before = there()
+    again = planned("edge1", {**works, **before})
+    assert (again["any"], again["write"], again["remove"]) == (False, [], [])
+    comes = planned("edge1", {**works, **before}, k3s_hardening=True)
+    assert (comes["guarded"], comes["staged"], comes["remove"]) == (True, ".next", [])
+    assert sorted(comes["write"]) == sorted([CONFIG, UNIT, SYSCTLS, AUDIT_POLICY])
+    hardened = there()
+    assert planned("edge1", {**works, **hardened}, k3s_hardening=True)["any"] is False
+    goes = planned("edge1", {**works, **hardened})
+    assert (goes["guarded"], sorted(goes["write"])) == (True, sorted([CONFIG, UNIT]))
+    assert sorted(goes["remove"]) == sorted([SYSCTLS, AUDIT_POLICY])
+
+
+def test_a_server_that_joins_asks_one_of_its_cluster(planned: Any) -> None:
+    for said in ("yes", "no"):
+        planned.servers = {"edge1": {"unreachable": True, "msg": "no route"}, "edge3": {"stdout": said}}
+        found = planned("edge2", {"answering": ["10.0.0.1:6443", "edge3:6443"]})
+        assert found["encrypts"] is (said == "yes")
+    assert planned.servers_asked == ["edge1", "edge3"] * 2
+    planned.servers = {"edge1": {"failed": True, "msg": "away"}}  # who cannot be asked is not joined either
+    assert planned("edge2", {})["encrypts"] is False
+
+
+@pytest.mark.parametrize(("there", "said"), [
+    ((), "yes"),  # it is still to come, and will
+    (("server/db",), "no"),
+    (("server/db", "server/cred/encryption-config.json"), "yes"),
+])  # fmt: skip
+def test_what_a_server_answers(tmp_path: Path, there: tuple[str, ...], said: str) -> None:
+    for name in there:
+        (tmp_path / name).mkdir(parents=True)
+    script = _k3s_plan.ENCRYPTS.replace("/var/lib/rancher/k3s", str(tmp_path))
+    assert subprocess.run(["sh", "-c", script], check=True, capture_output=True, text=True).stdout.strip() == said  # noqa: S603, S607
 
 
 def test_an_older_version_is_refused(planned: Any) -> None:

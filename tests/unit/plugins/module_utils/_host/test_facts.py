@@ -222,6 +222,16 @@ def test_which_datastore_a_server_has(tmp_path: Path, role: str, path: str, etcd
     assert (found["etcd"], found["data"]) == (etcd, role == "server")
 
 
+@pytest.mark.parametrize(("role", "encrypts"), [("server", True), ("agent", False)])
+def test_whether_secrets_are_encrypted(tmp_path: Path, role: str, encrypts: bool) -> None:
+    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
+    assert _host_facts.k3s_facts(host, {**AGENT, "role": role})["encrypts"] is False
+    key = tmp_path / "var/lib/rancher/k3s/server/cred/encryption-config.json"
+    key.parent.mkdir(parents=True)
+    key.write_text("{}")
+    assert _host_facts.k3s_facts(host, {**AGENT, "role": role})["encrypts"] is encrypts
+
+
 @pytest.mark.parametrize(("state", "restarts", "ready"), [
     ("active", 0, True), ("active", 9, True), ("activating", 9, False), ("failed", 0, False),
 ])  # fmt: skip

@@ -94,6 +94,8 @@ class Commands:
 
 FILES = (
     "etc/systemd/system/k3s.service", "etc/systemd/system/k3s.service.previous", "etc/rancher/k3s/config.yaml",
+    "etc/rancher/k3s/rosops-fleet-audit.yaml", "etc/sysctl.d/90-rosops-fleet.conf",
+    "etc/sysctl.d/90-rosops-fleet.conf.previous", "etc/sysctl.d/90-kubelet.conf",
     "etc/rancher/node/password", "usr/local/bin/k3s", "usr/local/bin/k3s.previous", "usr/local/bin/kubectl",
     "var/lib/rancher/k3s/server/db/state.db", "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/kubelet/config",
     "var/lib/rosops-fleet/log-shipper/queue", "var/lib/rosops-fleet/claims/mine",
@@ -128,7 +130,8 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
     assert ["systemctl", "daemon-reload"] in commands.asked
     left = sorted(str(path.relative_to(host)) for path in host.rglob("*") if path.is_file())
     assert left == [
-        "etc/rancher/node/password", "proc/self/mounts", "sys/class/net/cni0/mtu", "usr/local/bin/kubectl", *PODMANS,
+        "etc/rancher/node/password", "etc/sysctl.d/90-kubelet.conf", "proc/self/mounts", "sys/class/net/cni0/mtu",
+        "usr/local/bin/kubectl", *PODMANS,
         "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/rosops-fleet/claims/mine",
     ]  # fmt: skip
 

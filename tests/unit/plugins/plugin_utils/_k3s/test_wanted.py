@@ -12,6 +12,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import (
     Artifacts,
+    Datastore,
     Wanted,
     join_url,
     source,
@@ -66,9 +67,96 @@ def test_etcd_is_for_several_servers_and_stays_where_it_is(
     servers: list[str], etcd: bool, given: dict[str, Any], init: bool
 ) -> None:
     known = variables("edge1", k3s_server_hosts=servers, k3s_config=given)
-    found = yaml.safe_load(wanted(known, "edge1", HOSTVARS, etcd=etcd).files[0].content)
+    found = yaml.safe_load(wanted(known, "edge1", HOSTVARS, datastore=Datastore(etcd)).files[0].content)
     assert found.get("cluster-init", False) is init
     assert "server" not in found
+
+
+@pytest.mark.parametrize(
+    ("host", "encrypts", "given", "said"),
+    [
+        ("edge1", True, {}, True),
+        ("edge2", True, {}, True),  # k3s takes in no server that has another one
+        ("edge1", False, {}, None),  # a cluster of before: its configuration is the same text as ever
+        ("edge1", True, {"secrets-encryption": False}, False),
+        ("edge1", True, {"secrets-encryption": None}, None),
+        ("edge1", False, {"secrets-encryption": True}, True),
+    ],
+)
+def test_secrets_are_encrypted_where_the_datastore_is_so(
+    host: str, encrypts: bool, given: dict[str, Any], said: bool | None
+) -> None:
+    file = wanted(variables(host, k3s_config=given), host, HOSTVARS, datastore=Datastore(encrypts=encrypts)).files[0]
+    assert yaml.safe_load(file.content).get("secrets-encryption") is said
+    assert not file.secret  # whether they are is none
+
+
+HARDENED_API = [
+    "audit-log-path=/var/lib/rancher/k3s/server/logs/audit.log",
+    "audit-policy-file=/etc/rancher/k3s/rosops-fleet-audit.yaml",
+    "audit-log-maxage=30",
+    "audit-log-maxbackup=10",
+    "audit-log-maxsize=100",
+    "service-account-extend-token-expiration=false",
+]
+CIPHERS = (
+    "tls-cipher-suites=TLS_ECDHE_ECDSA_WITH_AES_256_GCM_SHA384,TLS_ECDHE_RSA_WITH_AES_256_GCM_SHA384,"
+    "TLS_ECDHE_ECDSA_WITH_AES_128_GCM_SHA256,TLS_ECDHE_RSA_WITH_AES_128_GCM_SHA256,"
+    "TLS_ECDHE_ECDSA_WITH_CHACHA20_POLY1305,TLS_ECDHE_RSA_WITH_CHACHA20_POLY1305"
+)
+KUBELET = ["streaming-connection-idle-timeout=5m", CIPHERS]
+SYSCTLS, AUDIT_POLICY = "/etc/sysctl.d/90-rosops-fleet.conf", "/etc/rancher/k3s/rosops-fleet-audit.yaml"
+
+
+def test_what_hardening_adds_to_the_configuration() -> None:
+    """As the guide has it; an agent has no API server."""
+    agent = {"protect-kernel-defaults": True, "kubelet-arg": KUBELET}
+    server = {"kube-apiserver-arg": HARDENED_API, "kube-controller-manager-arg": ["terminated-pod-gc-threshold=100"]}
+    assert config("edge1", k3s_hardening=True) == {**config("edge1"), **agent, **server}
+    assert config("edge2", k3s_hardening=True) == {**config("edge2"), **agent, **server}
+    assert config("robot1", k3s_hardening=True) == {**config("robot1"), **agent}
+
+
+def test_what_the_operator_says_of_the_same_counts() -> None:
+    own = {
+        "kubelet-arg": ["streaming-connection-idle-timeout=1h"],
+        "kube-apiserver-arg": "audit-log-maxage=7",
+        "kube-controller-manager-arg": None,
+        "protect-kernel-defaults": False,
+    }
+    found = config("edge1", k3s_hardening=True, k3s_config=own)
+    assert found["kubelet-arg"] == [
+        *KUBELET,
+        "streaming-connection-idle-timeout=1h",
+    ]  # of two the kubelet takes the last
+    assert found["kube-apiserver-arg"] == [*HARDENED_API, "audit-log-maxage=7"]
+    assert "kube-controller-manager-arg" not in found
+    assert found["protect-kernel-defaults"] is False
+    assert config("edge1", k3s_config=own)["kubelet-arg"] == own["kubelet-arg"]
+
+
+@pytest.mark.parametrize(("host", "audits"), [("edge1", True), ("robot1", False)])
+def test_the_files_of_hardening(host: str, audits: bool) -> None:
+    found = part(host, k3s_hardening=True)
+    kernel, audit = found.files[4:]
+    settings = [line for line in kernel.content.splitlines() if not line.startswith("#")]
+    assert settings == ["vm.panic_on_oom=0", "vm.overcommit_memory=1", "kernel.panic=10", "kernel.panic_on_oops=1"]
+    assert (kernel.path, kernel.mode, audit.path, audit.mode) == (SYSCTLS, "0644", AUDIT_POLICY, "0600")
+    assert bool(audit.content) is audits
+    if audits:  # all requests but the nodes' heartbeats, and of none what is in it
+        policy = yaml.safe_load(audit.content)
+        assert (policy["apiVersion"], policy["kind"]) == ("audit.k8s.io/v1", "Policy")
+        assert policy["rules"] == [{"level": "None", "namespaces": ["kube-node-lease"]}, {"level": "Metadata"}]
+    # k3s starts again for another one, and sets the kernel before the kubelet looks at it
+    assert (SYSCTLS in found.started_with, AUDIT_POLICY in found.started_with) == (True, audits)
+    assert f"ExecStartPre=-/sbin/sysctl -p {SYSCTLS}" in found.files[1].content.splitlines()
+
+
+def test_no_k3s_is_started_anew_for_a_hardening_that_nobody_asked_for() -> None:
+    for host in HOSTVARS:
+        found = part(host)
+        assert "sysctl" not in found.files[1].content
+        assert not {SYSCTLS, AUDIT_POLICY} & set(found.started_with)
 
 
 def test_the_operators_own_configuration_comes_last_and_null_takes_a_key_out() -> None:
@@ -101,7 +189,7 @@ def test_an_ipv6_address_is_one_in_the_certificate() -> None:
 
 def test_what_is_not_asked_for_is_not_to_be_there() -> None:
     empty = [file.path for file in part("robot1").files if not file.content]
-    assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment"]
+    assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment", SYSCTLS, AUDIT_POLICY]
     assert [part(host).kubeconfig for host in HOSTVARS] == ["/kube/edge.yaml", "", ""]
     assert part("edge1", k3s_kubeconfig_path="").kubeconfig == ""
 
