@@ -137,7 +137,9 @@ options:
     elements: dict
     default: []
     suboptions:
-      topic: {description: Name of the topic; it or O(values[].url) is needed., type: str}
+      topic:
+        description: Name of the topic; it or O(values[].url) is needed.
+        type: str
       url:
         description:
           - C(http) or C(https), asked by GET in place of a topic. It has to answer with 2xx; any other status, and no
