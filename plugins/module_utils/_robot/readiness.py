@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Readiness gates: the robot's resident process says when a pod is Ready of which versions overlap.
+"""Readiness gates: the keeper says when a pod is Ready of which versions overlap.
 
 docs/updates.md, "The hand-over", is the manual. Nothing of ours runs in these pods: the look is the one that other
 pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
@@ -7,11 +7,12 @@ pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import Callable, Mapping, Sequence
+from typing import Callable, ContextManager, Mapping, Sequence
 
 from .._common.errors import FleetError, RosError
 from .._common.poll import FAIL, PASS, overall
@@ -26,7 +27,7 @@ from .._ros.registrar import Registrar
 from .._step.objects import Object, address_of, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import ApiError, Cluster
+from .cluster_api import REFRESH, ApiError, Cluster
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -34,7 +35,8 @@ ANEW, ENDED = "not ready: its container was started anew", "not ready: its conta
 TELL = 1.0  # s between two reasons that are told of one pod
 OWED = 1.0  # s for which what was read of its record counts
 GONE = 410  # the API's answer where the version to go on from is too old
-AGAIN = 1.0  # s after an API that did not answer
+REFUSED = (403, 404)  # and where the namespace is no more, or its Role not yet there
+AGAIN, SELDOM = 1.0, 300.0  # s after an API that did not answer; at most, between refusals
 UNHEARD = 5.0  # s for a node to register with a master that has just come: the keeper restores what it knew
 LATCHED = 1.0  # s for what the old pod's nodes have latched
 
@@ -87,15 +89,17 @@ class Readiness:
     """The gates of one namespace's pods. Each pod that is looked at has a thread for as long as that takes."""
 
     cluster: Cluster
+    namespace: str
     uri: str  # the ROS master's
     keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
     restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
+    turn: ContextManager[object] = field(default_factory=contextlib.nullcontext)  # while one look lasts
 
     def __post_init__(self) -> None:
-        self.namespace = self.cluster.home
+        self.over = False  # nobody looks after the namespace any more
         self.pods: dict[str, Object] = {}  # by uid, those with our gate
         self.seen: dict[str, OwnNode] = {}  # by uid, the node that was found of a pod last
         self.at_work: set[tuple[str, str]] = set()  # uid, and the container that is looked at, or END
@@ -103,17 +107,21 @@ class Readiness:
         self.lock = threading.Lock()
 
     def run(self) -> None:
-        version = ""
-        while True:
+        """Until it is over. A namespace that refuses is asked ever more seldom: it may be gone, or just be made."""
+        version, pause = "", AGAIN
+        while not self.over:
             try:
-                version = self.follow(version)
+                version, pause = self.follow(version), AGAIN
                 self._tell("")
             except Exception as error:  # whatever the API sends, what comes next may be better
                 version = ""
                 if isinstance(error, ApiError) and error.status == GONE:
                     continue
                 self._tell(str(error) if isinstance(error, FleetError) else f"{type(error).__name__}: {error}")
-                self.sleep(AGAIN)
+                self.sleep(pause)
+                refused = isinstance(error, ApiError) and error.status in REFUSED
+                pause = min(2 * pause, SELDOM) if refused else AGAIN
+        self.pods.clear()  # those that are looked at are waited for no longer
 
     def _tell(self, text: str) -> None:
         if text != self.said:
@@ -195,7 +203,8 @@ class Readiness:
             self._say(pod, False, ANEW)
         look = self.looks(pod)
         while True:
-            checks = look()
+            with self.turn:
+                checks = look()
             pod = self.pods.get(uid, {})
             if due(pod) != PROVE or container_of(pod) != container:
                 return
@@ -276,12 +285,39 @@ class Readiness:
         except RosError:
             uids = [str(pod["metadata"]["uid"]) for pod in pods]
             return [self.seen[uid] for uid in uids if uid in self.seen]
-        return [
-            OwnNode(name, entry.uri, entry.services, settings_of(pod))
-            for pod in pods
+        return [  # no other robot's: a pod's address is what its host says
+            OwnNode(name, entry.uri, entry.services, settings)
+            for pod, settings in zip(pods, map(settings_of, pods))
             for name, entry in there.items()
-            if host_of(entry.uri) == address_of(pod) != ""
+            if host_of(entry.uri) == address_of(pod) != "" and settings.is_within(name)
         ]
+
+
+@dataclass(eq=False)
+class AllGates:
+    """Those of all namespaces that the keeper looks after. Each has a thread, for as long as it is listed."""
+
+    cluster: Cluster
+    made: Callable[[str], Readiness]  # for a namespace
+    sleep: Callable[[float], None] = time.sleep
+
+    def __post_init__(self) -> None:
+        self.gates: dict[str, Readiness] = {}  # by namespace
+
+    def run(self) -> None:
+        while True:
+            with contextlib.suppress(Exception):  # who watches steps asks the same, and tells why there is no answer
+                self.look()
+            self.sleep(REFRESH)
+
+    def look(self) -> None:
+        listed = self.cluster.namespaces()
+        for namespace in self.gates.keys() - {*listed}:
+            self.gates.pop(namespace).over = True
+        for namespace in listed:
+            if namespace not in self.gates:
+                made = self.gates[namespace] = self.made(namespace)
+                made.start(made.run)
 
 
 class Sent:

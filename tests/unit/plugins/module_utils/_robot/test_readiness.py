@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from itertools import count
+from dataclasses import replace
+from itertools import count, pairwise
 from typing import Any, cast
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
     ANEW,
     END,
@@ -19,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness impo
     PROVE,
     PROVEN,
     WITHDRAW,
+    AllGates,
     Readiness,
     due,
     settings_of,
@@ -33,6 +35,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Topic,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import APP, READINESS, REVISION, SETTINGS
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, World, bus, contract
@@ -65,6 +68,12 @@ def pod(
     }
 
 
+def knowing(found: Object, **changes: Any) -> Object:
+    """A pod that is told more."""
+    found["metadata"]["annotations"][SETTINGS] = json.dumps({**KNOWN, **changes})
+    return found
+
+
 @pytest.mark.parametrize(
     ("found", "wanted"),
     [
@@ -83,18 +92,20 @@ def test_what_is_due(found: Object, wanted: str) -> None:
 
 
 def test_its_settings_have_the_names_that_its_template_gives() -> None:
-    found = pod()
+    found = knowing(pod(), min_rates={"~out": 5, "/in": 7})
     found["metadata"]["labels"]["pod-template-hash"] = "5d"
-    found["metadata"]["annotations"][SETTINGS] = json.dumps({**KNOWN, "min_rates": {"~out": 5, "/in": 7}})
     settings = settings_of(found)
     assert (settings.node, settings.revision, settings.version) == ("/talker_0a1b2c3d_5d", "0a1b2c3d", "0a1b2c3d_5d")
     assert settings.min_rates == {"/talker_0a1b2c3d_5d/out": 5, "/in": 7}
+    settings = settings_of(knowing(found, node="/r1/talker", space="/r1", min_rates={"~out": 5}))
+    assert (settings.node, *settings.min_rates) == ("/r1/talker_0a1b2c3d_5d", "/r1/talker_0a1b2c3d_5d/out")
+
+
+SPACE = "robot-r1"
 
 
 class Api:
-    """The robot's namespace."""
-
-    home = "robot-r1"
+    """A robot's namespace."""
 
     def __init__(self) -> None:
         self.conditions: list[tuple[str, str, str]] = []
@@ -106,7 +117,7 @@ class Api:
         self.read = 0
 
     def set_condition(self, namespace: str, item: Object, condition: Object) -> None:
-        assert namespace == self.home
+        assert namespace == SPACE
         if self.refuses:
             raise ApiError("no", self.refuses)
         assert condition["type"] == READINESS
@@ -116,11 +127,11 @@ class Api:
         return "now"
 
     def evict(self, namespace: str, item: Object, seconds: int | None) -> None:
-        assert (namespace, seconds) == (self.home, None)
+        assert (namespace, seconds) == (SPACE, None)
         self.evicted.append(item["metadata"]["uid"])
 
     def tell(self, namespace: str, item: Object, reason: str, message: str) -> None:
-        assert (namespace, item["metadata"]["uid"], reason) == (self.home, self.evicted[-1], "NodeUnheard")
+        assert (namespace, item["metadata"]["uid"], reason) == (SPACE, self.evicted[-1], "NodeUnheard")
         assert "register once" in message
 
     def config_map(self, _namespace: str, name: str) -> Object | None:
@@ -170,6 +181,7 @@ class Scene:
         monkeypatch.setattr(readiness, "OwnNode", OwnNode)
         self.gates = Readiness(
             cast("Cluster", self.api),
+            SPACE,
             "http://master:11311",
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
             lambda: self.restarted_at,
@@ -301,7 +313,14 @@ def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
     assert len(scene.done) == 12
 
 
-@pytest.mark.parametrize("known", [KNOWN, {**KNOWN, "expect_node": False, "launch": "overlap"}])
+def test_a_pod_that_ends_takes_no_other_robots_nodes_along(scene: Scene) -> None:
+    """A pod's address is what its host says, on a master that robots share, too."""
+    scene.registered = {name: Entry(URI) for name in ("/r1/talker_1", "/r1/deep/camera", "/r11/talker_1", "/map")}
+    scene.gates.take(knowing(pod(says="c1", ends=True), node="/r1/talker", space="/r1"))
+    assert {node for _step, node in scene.done} == {"/r1/talker_1", "/r1/deep/camera"}
+
+
+@pytest.mark.parametrize("known", [{}, {"expect_node": False, "launch": "overlap"}])
 @pytest.mark.parametrize(
     ("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0), (3.0, None, 0)]
 )
@@ -312,8 +331,7 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
 
     A master that does not answer says nothing of its nodes.
     """
-    starting = pod()
-    starting["metadata"]["annotations"][SETTINGS] = json.dumps(known)
+    starting = knowing(pod(), **known)
     registered = dict(scene.world.publishers)
     scene.world.publishers = {"/in": ["/source"]}
     scene.world.subscribers, scene.world.services = {}, {}
@@ -353,9 +371,6 @@ def test_it_follows_what_happens(scene: Scene) -> None:
 
 
 def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    class StopError(BaseException):
-        """The loop has no end of its own."""
-
     found = iter(
         ["7", ApiError("too old", 410), ApiError("it is away"), ApiError("it is away"), ValueError("bad"), "8"]
     )
@@ -365,18 +380,121 @@ def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.M
         asked.append(version)
         one: Any = next(found, None)
         if one is None:
-            raise StopError
+            scene.gates.over = True
+            return ""
         if isinstance(one, Exception):
             raise one
         return str(one)
 
     monkeypatch.setattr(scene.gates, "follow", follow)
-    with pytest.raises(StopError):
-        scene.gates.run()
+    scene.gates.run()
     assert asked == ["", "7", "", "", "", "", "8"]
     told = ["it is away", "ValueError: bad", "the Kubernetes API answers"]
     assert scene.log == [f"readiness of pods: {words}" for words in told]
     assert scene.at == 3 * readiness.AGAIN
+
+
+@pytest.mark.parametrize("status", [403, 404])
+def test_a_namespace_that_refuses_is_asked_ever_more_seldom(scene: Scene, status: int) -> None:
+    """It may be gone, and its robot still listed; or be a new one, whose Role the API does not know yet."""
+    asked: list[float] = []
+
+    def refused(_namespace: str) -> tuple[list[Object], str]:
+        asked.append(scene.at)
+        if scene.at < 1500:
+            raise ApiError("no", status)
+        scene.gates.over = True
+        return [pod(says="c1")], "1"
+
+    scene.api.pods_since = refused  # type: ignore[method-assign]
+    scene.gates.run()
+    pauses = [after - before for before, after in pairwise(asked)]
+    assert pauses == [1, 2, 4, 8, 16, 32, 64, 128, 256, *[readiness.SELDOM] * 4]
+    assert scene.log == ["readiness of pods: no", "readiness of pods: the Kubernetes API answers"]
+    assert not scene.gates.pods
+
+
+class ManyApi(Api):
+    """A cluster of robots that share a master, each with a pod."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.robots: list[str] = []
+        self.said: list[tuple[str, str, str]] = []
+        self.away = False
+
+    def namespaces(self) -> list[str]:
+        if self.away:
+            raise ApiError("away")
+        return ["fleet", *self.robots]
+
+    def pods_since(self, namespace: str) -> tuple[list[Object], str]:
+        name = namespace.rpartition("-")[2]
+        made = knowing(pod(f"of-{name}", address=f"10.0.0.{name[1:]}"), node=f"/{name}/talker", space=f"/{name}")
+        return [made] if namespace in self.robots else [], "1"
+
+    def set_condition(self, namespace: str, item: Object, condition: Object) -> None:
+        self.said.append((namespace, item["metadata"]["name"], condition["status"]))
+
+
+def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of those that join, too; and it ends with those that go. Both robots' apps have one name."""
+    api, threads, gates = ManyApi(), dict[str, Readiness](), dict[str, Readiness]()
+    nodes = {f"/r{number}/talker_0a1b2c3d": f"http://10.0.0.{number}:1/" for number in (1, 2)}
+    scene.world.publishers = {f"{node}/out": [node] for node in nodes}
+    scene.world.subscribers, scene.world.services = {}, {}
+    scene.world.addresses = lambda names: ({name: nodes[name] for name in names if name in nodes}, {})  # type: ignore[attr-defined]
+    answers = {node: NodeAnswer(uri, 71, bus=[], publications=[], subscriptions=[]) for node, uri in nodes.items()}
+    scene.world.answers, scene.world.sums, scene.world.hz = answers, {}, {}
+    scene.registered = {node: Entry(uri) for node, uri in nodes.items()}
+
+    def made(namespace: str) -> Readiness:
+        one = replace(scene.gates, cluster=cast("Cluster", api), namespace=namespace)
+        monkeypatch.setattr(one, "start", lambda work: threads.update({namespace: one}) if work == one.run else work())
+        gates[namespace] = one
+        return one
+
+    every = AllGates(cast("Cluster", api), made)
+    api.robots = ["robot-r1"]
+    every.look()
+    assert [*threads] == ["fleet", "robot-r1"]
+    api.robots.append("robot-r2")
+    every.look()
+    assert [*threads] == ["fleet", "robot-r1", "robot-r2"]  # none of them twice
+    for one in threads.values():
+        one.follow("")
+    ready = [(namespace, name) for namespace, name, status in api.said if status == "True"]
+    assert ready == [(f"robot-r{number}", f"talker-of-r{number}") for number in (1, 2)]
+    assert [*threads["robot-r2"].pods] == ["of-r2"]
+    api.robots.remove("robot-r1")
+    every.look()
+    assert {space: one.over for space, one in gates.items()} == {"fleet": False, "robot-r1": True, "robot-r2": False}
+    gates["robot-r1"].run()  # its thread, back from its last watch
+    assert not gates["robot-r1"].pods
+    api.robots.append("robot-r1")  # a robot of that name joins
+    every.look()
+    assert threads["robot-r1"] is gates["robot-r1"] is not threads["robot-r2"]
+    assert not gates["robot-r1"].over
+
+
+def test_an_api_that_is_away_ends_nobodys_gates(monkeypatch: pytest.MonkeyPatch) -> None:
+    class StopError(BaseException):
+        """The loop has no end of its own."""
+
+    api, looks = ManyApi(), count()
+    every = AllGates(cast("Cluster", api), made=lambda _namespace: cast("Readiness", pytest.fail()))
+
+    def sleep(seconds: float) -> None:
+        assert seconds == REFRESH
+        if next(looks):
+            raise StopError
+
+    monkeypatch.setattr(every, "sleep", sleep)
+    every.gates["fleet"] = cast("Readiness", None)
+    api.away = True
+    with pytest.raises(StopError):
+        every.run()
+    assert [*every.gates] == ["fleet"]
 
 
 def test_what_the_version_before_sends_is_listened_to_once() -> None:
