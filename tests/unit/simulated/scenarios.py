@@ -64,8 +64,13 @@ def fleet(wanted: str) -> Robot:
     return robot(app("chart", wanted, pattern="service", scope="fleet"), master={"mode": "shared", "image": OLD})
 
 
+def shared(wanted: str) -> Robot:
+    return robot(app("sensor", wanted, placement="local"), master={"mode": "shared", "image": OLD})
+
+
 SCENARIOS = {
     "overlap": Scenario(one("sensor")),
+    "overlap-shared": Scenario(shared, versions=("good", "never-connects", "half-the-rate")),
     "drain": Scenario(one("planner", pattern="action", readiness={"actions": ["plan"]})),
     "replace": Scenario(one("driver", pattern=None)),
     "master": Scenario(master, versions=MASTER_VERSIONS),
