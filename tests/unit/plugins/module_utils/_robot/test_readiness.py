@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count, pairwise
+from threading import BoundedSemaphore
 from typing import Any, cast
 
 import pytest
@@ -25,7 +26,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness impo
     due,
     settings_of,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend, MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
@@ -221,6 +222,25 @@ def test_a_pod_is_ready_once_its_nodes_are_in_the_graph(scene: Scene) -> None:
     scene.gates.take(pod(says="c1"))
     assert len([one for one in scene.api.conditions if one[1] == "True"]) == 1
     assert scene.log == ["talker-new is ready"]
+
+
+def test_a_look_has_its_turn_and_the_pause_between_two_is_others(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    turn, looks = BoundedSemaphore(1), list[bool]()
+    state, sleep = scene.world.state, scene.gates.sleep
+
+    def looked(types: bool = False) -> MasterState:
+        looks.append(turn.acquire(blocking=False))
+        return state(types)
+
+    def slept(seconds: float) -> None:
+        with turn:
+            sleep(seconds)
+
+    monkeypatch.setattr(scene.world, "state", looked)
+    scene.gates.turn, scene.gates.sleep = turn, slept
+    scene.gates.take(pod())
+    assert len(looks) > 2
+    assert not any(looks)
 
 
 def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
