@@ -96,7 +96,8 @@ def own_nodes(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNod
 
 def places(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:
     """Name -> address of all nodes of the robot."""
-    return ros.addresses(list(filter(settings.is_within, state.nodes())))[0]
+    space = f"{settings.space.rstrip('/')}/"
+    return ros.addresses([name for name in state.nodes() if name.startswith(space)])[0]
 
 
 def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:

@@ -46,10 +46,6 @@ class Settings:
     revision: str = ""
     version: str = ""
 
-    def is_within(self, node: str) -> bool:
-        """Whether a node of this name may be the robot's."""
-        return node.startswith(f"{self.space.rstrip('/')}/")
-
 
 @dataclass(frozen=True)
 class State:

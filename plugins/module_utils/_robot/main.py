@@ -33,12 +33,12 @@ from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
 from .memory import KeptFiles
 from .open_goals import Staying
-from .readiness import AllGates, Readiness
+from .readiness import CALLER, AllGates, Readiness
 from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
 TIMEOUT = 2.0
-LOOKS = 8  # at once, of a shared master's keeper: 8 MB each where 1000 nodes are registered
+LOOKS = 8  # at once, of a shared master's keeper
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended
@@ -152,15 +152,15 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
 def all_gates(cluster: Cluster, keeper: Keeper, latched: LatchedTopics | None) -> AllGates:
     """The readiness gates of all namespaces; of a master that is somebody else's nothing is kept that was latched."""
     keep_latched = latched.keep if latched else lambda *_: []
-    # a whole fleet's pods may start at once, and each look has the whole graph in memory
+    ros = Ros1Client(keeper.ros.uri, TIMEOUT, CALLER)
+    # a whole fleet's pods may start at once, and each look has its graph in memory
     turn = threading.BoundedSemaphore(LOOKS) if cluster.home == FLEET else contextlib.nullcontext()
 
     def made(namespace: str) -> Readiness:
         def log(line: str) -> None:
             tell(f"{namespace}: {line}")
 
-        uri, restarted_at = keeper.ros.uri, lambda: keeper.restarted_at
-        return Readiness(cluster, namespace, uri, keep_latched, restarted_at, log, turn=turn)
+        return Readiness(cluster, namespace, ros, keep_latched, lambda: keeper.restarted_at, log, turn=turn)
 
     return AllGates(cluster, made)
 

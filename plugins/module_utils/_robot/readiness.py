@@ -23,7 +23,6 @@ from .._ros.backend import Backend, MasterState
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
-from .._ros.registrar import Registrar
 from .._step.objects import Object, address_of, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
@@ -90,13 +89,13 @@ class Readiness:
 
     cluster: Cluster
     namespace: str
-    uri: str  # the ROS master's
+    ros: Ros1Client  # of all looks: what one of them has read of a large graph the others need not read again
     keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
     restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
-    turn: ContextManager[object] = field(default_factory=contextlib.nullcontext)  # while one look lasts
+    turn: ContextManager[object] = field(default_factory=contextlib.nullcontext)  # for one look, or one end
 
     def __post_init__(self) -> None:
         self.over = False  # nobody looks after the namespace any more
@@ -172,7 +171,8 @@ class Readiness:
     def _work(self, uid: str, work: str) -> None:
         try:
             if work == END:
-                self._end(self.pods[uid])
+                with self.turn:
+                    self._end(self.pods[uid])
             else:
                 self._prove(uid, work)
         except Exception as error:  # one pod's trouble is no other's
@@ -231,7 +231,7 @@ class Readiness:
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
         settings, address, uid = settings_of(pod), address_of(pod), str(pod["metadata"]["uid"])
-        ros, record = Ros1Client(self.uri, TIMEOUT, CALLER), record_name(app_of(pod))
+        ros, record = self.ros, record_name(app_of(pod))
 
         def here(state: MasterState) -> Mapping[str, str]:
             return {name: uri for name, uri in places(ros, settings, state).items() if host_of(uri) == address}
@@ -281,16 +281,19 @@ class Readiness:
     def _nodes(self, pods: Sequence[Object]) -> list[OwnNode]:
         """What is registered from their addresses; where no master answers the nodes that were seen of them last."""
         try:
-            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if pods else {}
+            state = self.ros.state() if pods else MasterState()
+            return [node for pod in pods for node in self._registered(pod, state)]
         except RosError:
             uids = [str(pod["metadata"]["uid"]) for pod in pods]
             return [self.seen[uid] for uid in uids if uid in self.seen]
-        return [  # no other robot's: a pod's address is what its host says
-            OwnNode(name, entry.uri, entry.services, settings)
-            for pod, settings in zip(pods, map(settings_of, pods))
-            for name, entry in there.items()
-            if host_of(entry.uri) == address_of(pod) != "" and settings.is_within(name)
-        ]
+
+    def _registered(self, pod: Object, state: MasterState) -> list[OwnNode]:
+        """No other robot's: a pod's address is what its host says."""
+        settings, address = settings_of(pod), address_of(pod)
+        known = places(self.ros, settings, state).items()
+        here = {name: uri for name, uri in known if host_of(uri) == address != ""}
+        services = self.ros.addresses((), [one for name in here for one in state.graph.node(name).services])[1]
+        return [OwnNode(name, uri, services, settings) for name, uri in here.items()]
 
 
 @dataclass(eq=False)

@@ -62,11 +62,11 @@ def test_each_namespace_has_gates_of_its_own_and_a_whole_fleets_take_turns(
         one.log("a is ready")
         keeper.restarted_at = 7.0
         assert [*told] == ["robot-r1: a is ready"]
-        assert (one.namespace, other.namespace, one.uri, one.restarted_at()) == (
+        assert (one.namespace, other.namespace, one.ros.uri, one.restarted_at()) == (
             "robot-r1", "robot-r2", "http://master:11311", 7.0,
         )  # fmt: skip
         assert one.keep_latched("/a", "http://a:1/", 1.0) == []
-        assert (one.turn is other.turn) and getattr(one.turn, "_value", None) == bound
+        assert (one.turn is other.turn) and (one.ros is other.ros) and getattr(one.turn, "_value", None) == bound
         told.clear()
 
 

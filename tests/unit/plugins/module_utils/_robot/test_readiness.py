@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import count, pairwise
 from threading import BoundedSemaphore
@@ -27,6 +27,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness impo
     settings_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend, MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
@@ -35,7 +36,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Rate,
     Topic,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import APP, READINESS, REVISION, SETTINGS
@@ -152,38 +152,30 @@ class Scene:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
-        self.snapshots = 0
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
-        self.registered: dict[str, Entry] | None = {OWN: Entry(URI)}
+        self.places = {OWN: URI}  # all others are elsewhere
+        self.away, self.looks = False, 0  # the master, and looks at all that is registered
+        self.services: dict[str, Any] = {}  # of each node that something was done to
+        self.seen_by_looks = self.world.state
         scene = self
-
-        class Registrar:
-            def __init__(self, *_: Any) -> None: ...
-
-            def snapshot(self) -> dict[str, Entry]:
-                scene.snapshots += 1
-                if scene.registered is None:
-                    raise RosError("the master is away")
-                return scene.registered
 
         class OwnNode:
             def __init__(self, name: str, uri: str, services: Any, settings: Any) -> None:
-                del services, settings
+                del settings
                 self.name, self.uri = name, uri
+                scene.services[name] = services
 
             def __getattr__(self, what: str) -> Any:
                 return lambda _seconds: scene.done.append((what, self.name))
 
-        places = {OWN: URI}  # all others are elsewhere
-        self.world.addresses = lambda names: ({name: places.get(name, "http://h:1/") for name in names}, {})  # type: ignore[attr-defined]
-        monkeypatch.setattr(readiness, "Ros1Client", lambda *_: self.world)
-        monkeypatch.setattr(readiness, "Registrar", Registrar)
+        self.world.addresses = self.addresses  # type: ignore[attr-defined]
+        self.world.state = self.state  # type: ignore[method-assign]
         monkeypatch.setattr(readiness, "OwnNode", OwnNode)
         self.gates = Readiness(
             cast("Cluster", self.api),
             SPACE,
-            "http://master:11311",
+            cast("Ros1Client", self.world),
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
             lambda: self.restarted_at,
             self.log.append,
@@ -191,6 +183,17 @@ class Scene:
             self.sleep,
         )
         monkeypatch.setattr(self.gates, "start", lambda work: work())
+
+    def state(self, types: bool = False) -> MasterState:
+        if types:
+            return self.seen_by_looks(types)
+        self.looks += 1
+        if self.away:
+            raise RosError("the master is away")
+        return MasterState({"/rosout": tuple(self.places)}, {}, {"/add": (OWN,)})
+
+    def addresses(self, names: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, str], dict[str, str]]:
+        return {name: self.places.get(name, "http://h:1/") for name in names}, dict.fromkeys(services, "rosrpc://h:2")
 
     def sleep(self, seconds: float) -> None:
         self.at += seconds
@@ -304,16 +307,17 @@ def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
 
 
 def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene: Scene) -> None:
-    scene.registered = {OWN: Entry(URI), "/talker_00000000": Entry("http://127.0.0.9:1/"), "/x": Entry("http://[")}
+    scene.places = {OWN: URI, "/talker_00000000": "http://127.0.0.9:1/", "/x": "http://["}
     old = pod("old", says="c1", address="127.0.0.9")
     scene.gates.take(old)
     scene.gates.take(pod("gone", address="127.0.0.8", ends=True))
     scene.gates.take(pod("third", says="c1", address=""))
     scene.done.clear()
-    scene.snapshots = 0
+    scene.looks = 0
     scene.gates.take(pod())
     assert scene.done == [("keep_latched", "/talker_00000000")]
-    assert scene.snapshots == 1  # of the master, however many pods the app has
+    assert scene.services["/talker_00000000"] == {}
+    assert scene.looks == 1  # at the master, however many pods the app has
     scene.gates.take({**old, "metadata": {**old["metadata"], "deletionTimestamp": "T"}})
     steps = ["unregister", "forget", "shut_down"]
     assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
@@ -325,7 +329,8 @@ def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
     for _event in range(2):  # a second one finds nothing left, as the real node is gone
         scene.gates.take(pod(says="c1", ends=True))
     assert [step for step, _node in scene.done] == steps * 2
-    scene.registered = None  # without a master the node that was seen is ended
+    assert scene.services == {OWN: {"/add": "rosrpc://h:2"}}
+    scene.away = True  # without a master the node that was seen is ended
     scene.gates.take(pod(says="c1", ends=True))
     assert [step for step, _node in scene.done] == steps * 3
     scene.gates.seen.clear()
@@ -335,7 +340,7 @@ def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
 
 def test_a_pod_that_ends_takes_no_other_robots_nodes_along(scene: Scene) -> None:
     """A pod's address is what its host says, on a master that robots share, too."""
-    scene.registered = {name: Entry(URI) for name in ("/r1/talker_1", "/r1/deep/camera", "/r11/talker_1", "/map")}
+    scene.places = dict.fromkeys(("/r1/talker_1", "/r1/deep/camera", "/r11/talker_1", "/map"), URI)
     scene.gates.take(knowing(pod(says="c1", ends=True), node="/r1/talker", space="/r1"))
     assert {node for _step, node in scene.done} == {"/r1/talker_1", "/r1/deep/camera"}
 
@@ -463,10 +468,9 @@ def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pyt
     nodes = {f"/r{number}/talker_0a1b2c3d": f"http://10.0.0.{number}:1/" for number in (1, 2)}
     scene.world.publishers = {f"{node}/out": [node] for node in nodes}
     scene.world.subscribers, scene.world.services = {}, {}
-    scene.world.addresses = lambda names: ({name: nodes[name] for name in names if name in nodes}, {})  # type: ignore[attr-defined]
     answers = {node: NodeAnswer(uri, 71, bus=[], publications=[], subscriptions=[]) for node, uri in nodes.items()}
     scene.world.answers, scene.world.sums, scene.world.hz = answers, {}, {}
-    scene.registered = {node: Entry(uri) for node, uri in nodes.items()}
+    scene.places = nodes
 
     def made(namespace: str) -> Readiness:
         one = replace(scene.gates, cluster=cast("Cluster", api), namespace=namespace)
