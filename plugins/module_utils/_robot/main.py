@@ -157,10 +157,7 @@ def all_gates(cluster: Cluster, keeper: Keeper, latched: LatchedTopics | None) -
     turn = threading.BoundedSemaphore(LOOKS) if cluster.home == FLEET else contextlib.nullcontext()
 
     def made(namespace: str) -> Readiness:
-        def log(line: str) -> None:
-            tell(f"{namespace}: {line}")
-
-        return Readiness(cluster, namespace, ros, keep_latched, lambda: keeper.restarted_at, log, turn=turn)
+        return Readiness(cluster, namespace, ros, keep_latched, lambda: keeper.restarted_at, tell, turn=turn)
 
     return AllGates(cluster, made)
 

@@ -118,13 +118,14 @@ class Readiness:
                     continue
                 self._tell(str(error) if isinstance(error, FleetError) else f"{type(error).__name__}: {error}")
                 self.sleep(pause)
-                refused = isinstance(error, ApiError) and error.status in REFUSED
-                pause = min(2 * pause, SELDOM) if refused else AGAIN
-        self.pods.clear()  # those that are looked at are waited for no longer
+                if isinstance(error, ApiError) and error.status in REFUSED:
+                    pause = min(2 * pause, SELDOM)
+                    self.pods.clear()  # nobody waits for them any longer
+        self.pods.clear()
 
     def _tell(self, text: str) -> None:
         if text != self.said:
-            self.log(f"readiness of pods: {text or 'the Kubernetes API answers'}")
+            self.log(f"{self.namespace}: readiness of pods: {text or 'the Kubernetes API answers'}")
             self.said = text
 
     def follow(self, version: str) -> str:
@@ -177,7 +178,7 @@ class Readiness:
                 self._prove(uid, work)
         except Exception as error:  # one pod's trouble is no other's
             if not isinstance(error, ApiError):  # the watch tells of an API that is away
-                self.log(f"pod {uid}: {type(error).__name__}: {error}")
+                self.log(f"{self.namespace}: pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
         self.at_work.discard((uid, work))
         pod = self.pods.get(uid)
@@ -215,7 +216,7 @@ class Readiness:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
                 self.cluster.tell(self.namespace, pod, "NodeUnheard", words)
-                self.log(f"{name_of(pod)}: {words}")
+                self.log(f"{self.namespace}: {name_of(pod)}: {words}")
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
                 self._say(pod, False, text)
@@ -226,7 +227,7 @@ class Readiness:
         said = self._say(pod, True, PROVEN + container)
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
-        self.log(f"{name_of(pod)} is ready")
+        self.log(f"{self.namespace}: {name_of(pod)} is ready")
 
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
@@ -271,7 +272,7 @@ class Readiness:
                 try:
                     step(TIMEOUT)
                 except RosError as error:
-                    self.log(f"{node.name} of {name_of(pod)}, which ends: {error}")
+                    self.log(f"{self.namespace}: {node.name} of {name_of(pod)}, which ends: {error}")
 
     def _others(self, pod: Object) -> list[Object]:
         """The other pods of its app."""
@@ -303,9 +304,7 @@ class AllGates:
     cluster: Cluster
     made: Callable[[str], Readiness]  # for a namespace
     sleep: Callable[[float], None] = time.sleep
-
-    def __post_init__(self) -> None:
-        self.gates: dict[str, Readiness] = {}  # by namespace
+    gates: dict[str, Readiness] = field(default_factory=dict)  # by namespace
 
     def run(self) -> None:
         while True:

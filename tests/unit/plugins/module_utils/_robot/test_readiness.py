@@ -224,7 +224,7 @@ def test_a_pod_is_ready_once_its_nodes_are_in_the_graph(scene: Scene) -> None:
     assert scene.at >= 0.5  # nothing said what it is still going to register
     scene.gates.take(pod(says="c1"))
     assert len([one for one in scene.api.conditions if one[1] == "True"]) == 1
-    assert scene.log == ["talker-new is ready"]
+    assert scene.log == ["robot-r1: talker-new is ready"]
 
 
 def test_a_look_has_its_turn_and_the_pause_between_two_is_others(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -415,14 +415,14 @@ def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.M
     scene.gates.run()
     assert asked == ["", "7", "", "", "", "", "8"]
     told = ["it is away", "ValueError: bad", "the Kubernetes API answers"]
-    assert scene.log == [f"readiness of pods: {words}" for words in told]
+    assert scene.log == [f"robot-r1: readiness of pods: {words}" for words in told]
     assert scene.at == 3 * readiness.AGAIN
 
 
 @pytest.mark.parametrize("status", [403, 404])
 def test_a_namespace_that_refuses_is_asked_ever_more_seldom(scene: Scene, status: int) -> None:
     """It may be gone, and its robot still listed; or be a new one, whose Role the API does not know yet."""
-    asked: list[float] = []
+    asked, gone = list[float](), list[bool]()
 
     def refused(_namespace: str) -> tuple[list[Object], str]:
         asked.append(scene.at)
@@ -432,10 +432,13 @@ def test_a_namespace_that_refuses_is_asked_ever_more_seldom(scene: Scene, status
         return [pod(says="c1")], "1"
 
     scene.api.pods_since = refused  # type: ignore[method-assign]
+    scene.gates.pods = {"old": pod("old")}  # looked at just now
+    scene.soon = [(1.5, lambda: gone.extend([not scene.gates.pods]))]
     scene.gates.run()
+    assert gone == [True]
     pauses = [after - before for before, after in pairwise(asked)]
     assert pauses == [1, 2, 4, 8, 16, 32, 64, 128, 256, *[readiness.SELDOM] * 4]
-    assert scene.log == ["readiness of pods: no", "readiness of pods: the Kubernetes API answers"]
+    assert [line.rpartition(": ")[2] for line in scene.log] == ["no", "the Kubernetes API answers"]
     assert not scene.gates.pods
 
 
