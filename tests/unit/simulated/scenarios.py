@@ -70,7 +70,6 @@ def shared(wanted: str) -> Robot:
 
 SCENARIOS = {
     "overlap": Scenario(one("sensor")),
-    "overlap-shared": Scenario(shared, versions=("good", "never-connects", "half-the-rate")),
     "drain": Scenario(one("planner", pattern="action", readiness={"actions": ["plan"]})),
     "replace": Scenario(one("driver", pattern=None)),
     "master": Scenario(master, versions=MASTER_VERSIONS),
@@ -80,6 +79,7 @@ SCENARIOS = {
     "group": Scenario(group),
     "two-steps": Scenario(two),
     "fleet": Scenario(fleet),
+    "overlap-shared": Scenario(shared, versions=("good", "never-connects", "half-the-rate")),
 }
 
 
