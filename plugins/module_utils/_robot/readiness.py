@@ -318,8 +318,9 @@ class AllGates:
             self.gates.pop(namespace).over = True
         for namespace in listed:
             if namespace not in self.gates:
-                made = self.gates[namespace] = self.made(namespace)
+                made = self.made(namespace)
                 made.start(made.run)
+                self.gates[namespace] = made
 
 
 class Sent:

@@ -24,6 +24,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.clu
     start_server,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import SPACE, rosops_may
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import END
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from pod_code import write_code
 
@@ -61,6 +62,24 @@ def test_each_namespace_has_gates_of_its_own_and_a_whole_fleets_take_turns(tmp_p
         )  # fmt: skip
         assert one.keep_latched("/a", "http://a:1/", 1.0) == []
         assert (one.turn is other.turn) and (one.ros is other.ros) and getattr(one.turn, "_value", None) == bound
+
+
+def test_the_pods_of_each_robot_are_watched_in_threads_of_their_own(tmp_path: Path) -> None:
+    api = start_server(tmp_path, "fleet")
+    cluster = Cluster(environment(api), str(tmp_path))
+    keeper = Keeper(Registrar("http://master:11311"), KeptFiles(str(tmp_path), main.tell), main.tell)
+    every = main.all_gates(cluster, keeper, None)
+    api.put("/api/v1/namespaces/fleet/configmaps/robot-r1", {"metadata": {}})
+    pods = [f"/api/v1/namespaces/{one}/pods" for one in ("fleet", "robot-r1")]
+    try:
+        every.look()
+        assert sorted(api.next_watch()[0] for _namespace in every.gates) == pods
+    finally:
+        for one in every.gates.values():
+            one.over = True
+        for path in pods:
+            api.send(path, END)
+        api.stop()
 
 
 def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
