@@ -291,8 +291,7 @@ class Readiness:
     def _registered(self, pod: Object, state: MasterState) -> list[OwnNode]:
         """No other robot's: a pod's address is what its host says."""
         settings, address = settings_of(pod), address_of(pod)
-        known = places(self.ros, settings, state).items()
-        here = {name: uri for name, uri in known if host_of(uri) == address != ""}
+        here = {name: uri for name, uri in places(self.ros, settings, state).items() if host_of(uri) == address != ""}
         services = self.ros.addresses((), [one for name in here for one in state.graph.node(name).services])[1]
         return [OwnNode(name, uri, services, settings) for name, uri in here.items()]
 
