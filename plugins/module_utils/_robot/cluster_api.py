@@ -21,7 +21,7 @@ from .._step.words import BACK_TO, FLEET, KEEPER, KEPT, LEASE, LEASE_SECONDS, MA
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 OURS = f"app.kubernetes.io/managed-by={MANAGER}"
 SECONDS = 5.0
-REFRESH = 300.0  # between looks for robots that were added
+REFRESH = 10.0  # between looks for robots that were added: without it the pods of a new one are not Ready
 GROUPS = {
     "ConfigMap": "api/v1",
     "Deployment": "apis/apps/v1",

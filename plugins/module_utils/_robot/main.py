@@ -8,6 +8,7 @@ On a robot without ROS it has `--keep none`, and an empty graph.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -32,11 +33,12 @@ from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
 from .memory import KeptFiles
 from .open_goals import Staying
-from .readiness import Readiness
+from .readiness import CALLER, AllGates, Readiness
 from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
 TIMEOUT = 2.0
+LOOKS = 8  # at once, of a shared master's keeper
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended
@@ -127,9 +129,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
         watch = StepWatch(cluster, client, robot, kept, tell)
         slave.show(PATH, Door(holds, watch.left_over).page)
         beside.append(watch.run)
-        if cluster.home != FLEET:  # a shared master's keeper is no robot's
-            keep_latched = latched.keep if latched else lambda *_: []  # of a master that is somebody else's: nothing
-            beside.append(Readiness(cluster, uri, keep_latched, lambda: keeper.restarted_at, tell).run)
+        beside.append(all_gates(cluster, keeper, latched).run)
     slave.start()
     shown.start()
     for work in beside:
@@ -147,6 +147,19 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
             pause = 1.0
     tell("stopped")
     return 0
+
+
+def all_gates(cluster: Cluster, keeper: Keeper, latched: LatchedTopics | None) -> AllGates:
+    """The readiness gates of all namespaces; of a master that is somebody else's nothing is kept that was latched."""
+    keep_latched = latched.keep if latched else lambda *_: []
+    ros = Ros1Client(keeper.ros.uri, TIMEOUT, CALLER)
+    # a whole fleet's pods may start at once, and each look has its graph in memory
+    turn = threading.BoundedSemaphore(LOOKS) if cluster.home == FLEET else contextlib.nullcontext()
+
+    def made(namespace: str) -> Readiness:
+        return Readiness(cluster, namespace, ros, keep_latched, lambda: keeper.restarted_at, tell, turn=turn)
+
+    return AllGates(cluster, made)
 
 
 if __name__ == "__main__":

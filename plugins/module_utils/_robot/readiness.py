@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Readiness gates: the robot's resident process says when a pod is Ready of which versions overlap.
+"""Readiness gates: the keeper says when a pod is Ready of which versions overlap.
 
 docs/updates.md, "The hand-over", is the manual. Nothing of ours runs in these pods: the look is the one that other
 pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address.
@@ -7,11 +7,12 @@ pods' startup probe makes (`_pod/started.py`), at the nodes of the pod's address
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import Callable, Mapping, Sequence
+from typing import Callable, ContextManager, Mapping, Sequence
 
 from .._common.errors import FleetError, RosError
 from .._common.poll import FAIL, PASS, overall
@@ -22,11 +23,10 @@ from .._ros.backend import Backend, MasterState
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
-from .._ros.registrar import Registrar
 from .._step.objects import Object, address_of, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import ApiError, Cluster
+from .cluster_api import REFRESH, ApiError, Cluster
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -34,7 +34,8 @@ ANEW, ENDED = "not ready: its container was started anew", "not ready: its conta
 TELL = 1.0  # s between two reasons that are told of one pod
 OWED = 1.0  # s for which what was read of its record counts
 GONE = 410  # the API's answer where the version to go on from is too old
-AGAIN = 1.0  # s after an API that did not answer
+REFUSED = (403, 404)  # and where the namespace is no more, or its Role not yet there
+AGAIN, SELDOM = 1.0, 300.0  # s after an API that did not answer; at most, between refusals
 UNHEARD = 5.0  # s for a node to register with a master that has just come: the keeper restores what it knew
 LATCHED = 1.0  # s for what the old pod's nodes have latched
 
@@ -87,15 +88,17 @@ class Readiness:
     """The gates of one namespace's pods. Each pod that is looked at has a thread for as long as that takes."""
 
     cluster: Cluster
-    uri: str  # the ROS master's
+    namespace: str
+    ros: Ros1Client  # of all looks: what one of them has read of a large graph the others need not read again
     keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
     restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
+    turn: ContextManager[object] = field(default_factory=contextlib.nullcontext)  # for one look, or one end
 
     def __post_init__(self) -> None:
-        self.namespace = self.cluster.home
+        self.over = False  # nobody looks after the namespace any more
         self.pods: dict[str, Object] = {}  # by uid, those with our gate
         self.seen: dict[str, OwnNode] = {}  # by uid, the node that was found of a pod last
         self.at_work: set[tuple[str, str]] = set()  # uid, and the container that is looked at, or END
@@ -103,21 +106,26 @@ class Readiness:
         self.lock = threading.Lock()
 
     def run(self) -> None:
-        version = ""
-        while True:
+        """Until it is over. A namespace that refuses is asked ever more seldom: it may be gone, or just be made."""
+        version, pause = "", AGAIN
+        while not self.over:
             try:
-                version = self.follow(version)
+                version, pause = self.follow(version), AGAIN
                 self._tell("")
             except Exception as error:  # whatever the API sends, what comes next may be better
                 version = ""
                 if isinstance(error, ApiError) and error.status == GONE:
                     continue
                 self._tell(str(error) if isinstance(error, FleetError) else f"{type(error).__name__}: {error}")
-                self.sleep(AGAIN)
+                self.sleep(pause)
+                if isinstance(error, ApiError) and error.status in REFUSED:
+                    pause = min(2 * pause, SELDOM)
+                    self.pods.clear()  # nobody waits for them any longer
+        self.pods.clear()
 
     def _tell(self, text: str) -> None:
         if text != self.said:
-            self.log(f"readiness of pods: {text or 'the Kubernetes API answers'}")
+            self.log(f"{self.namespace}: readiness of pods: {text or 'the Kubernetes API answers'}")
             self.said = text
 
     def follow(self, version: str) -> str:
@@ -164,12 +172,13 @@ class Readiness:
     def _work(self, uid: str, work: str) -> None:
         try:
             if work == END:
-                self._end(self.pods[uid])
+                with self.turn:
+                    self._end(self.pods[uid])
             else:
                 self._prove(uid, work)
         except Exception as error:  # one pod's trouble is no other's
             if not isinstance(error, ApiError):  # the watch tells of an API that is away
-                self.log(f"pod {uid}: {type(error).__name__}: {error}")
+                self.log(f"{self.namespace}: pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
         self.at_work.discard((uid, work))
         pod = self.pods.get(uid)
@@ -195,7 +204,8 @@ class Readiness:
             self._say(pod, False, ANEW)
         look = self.looks(pod)
         while True:
-            checks = look()
+            with self.turn:
+                checks = look()
             pod = self.pods.get(uid, {})
             if due(pod) != PROVE or container_of(pod) != container:
                 return
@@ -206,7 +216,7 @@ class Readiness:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
                 self.cluster.tell(self.namespace, pod, "NodeUnheard", words)
-                self.log(f"{name_of(pod)}: {words}")
+                self.log(f"{self.namespace}: {name_of(pod)}: {words}")
                 return
             if text != told and (verdict == FAIL or now - told_at >= TELL):
                 self._say(pod, False, text)
@@ -217,12 +227,12 @@ class Readiness:
         said = self._say(pod, True, PROVEN + container)
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
         self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
-        self.log(f"{name_of(pod)} is ready")
+        self.log(f"{self.namespace}: {name_of(pod)} is ready")
 
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
         settings, address, uid = settings_of(pod), address_of(pod), str(pod["metadata"]["uid"])
-        ros, record = Ros1Client(self.uri, TIMEOUT, CALLER), record_name(app_of(pod))
+        ros, record = self.ros, record_name(app_of(pod))
 
         def here(state: MasterState) -> Mapping[str, str]:
             return {name: uri for name, uri in places(ros, settings, state).items() if host_of(uri) == address}
@@ -262,7 +272,7 @@ class Readiness:
                 try:
                     step(TIMEOUT)
                 except RosError as error:
-                    self.log(f"{node.name} of {name_of(pod)}, which ends: {error}")
+                    self.log(f"{self.namespace}: {node.name} of {name_of(pod)}, which ends: {error}")
 
     def _others(self, pod: Object) -> list[Object]:
         """The other pods of its app."""
@@ -272,16 +282,44 @@ class Readiness:
     def _nodes(self, pods: Sequence[Object]) -> list[OwnNode]:
         """What is registered from their addresses; where no master answers the nodes that were seen of them last."""
         try:
-            there = Registrar(self.uri, TIMEOUT, CALLER).snapshot() if pods else {}
+            state = self.ros.state() if pods else MasterState()
+            return [node for pod in pods for node in self._registered(pod, state)]
         except RosError:
             uids = [str(pod["metadata"]["uid"]) for pod in pods]
             return [self.seen[uid] for uid in uids if uid in self.seen]
-        return [
-            OwnNode(name, entry.uri, entry.services, settings_of(pod))
-            for pod in pods
-            for name, entry in there.items()
-            if host_of(entry.uri) == address_of(pod) != ""
-        ]
+
+    def _registered(self, pod: Object, state: MasterState) -> list[OwnNode]:
+        """No other robot's: a pod's address is what its host says."""
+        settings, address = settings_of(pod), address_of(pod)
+        here = {name: uri for name, uri in places(self.ros, settings, state).items() if host_of(uri) == address != ""}
+        services = self.ros.addresses((), [one for name in here for one in state.graph.node(name).services])[1]
+        return [OwnNode(name, uri, services, settings) for name, uri in here.items()]
+
+
+@dataclass(eq=False)
+class AllGates:
+    """Those of all namespaces that the keeper looks after. Each has a thread, for as long as it is listed."""
+
+    cluster: Cluster
+    made: Callable[[str], Readiness]  # for a namespace
+    sleep: Callable[[float], None] = time.sleep
+    gates: dict[str, Readiness] = field(default_factory=dict)  # by namespace
+
+    def run(self) -> None:
+        while True:
+            with contextlib.suppress(Exception):  # who watches steps asks the same, and tells why there is no answer
+                self.look()
+            self.sleep(REFRESH)
+
+    def look(self) -> None:
+        listed = self.cluster.namespaces()
+        for namespace in self.gates.keys() - {*listed}:
+            self.gates.pop(namespace).over = True
+        for namespace in listed:
+            if namespace not in self.gates:
+                made = self.made(namespace)
+                made.start(made.run)
+                self.gates[namespace] = made
 
 
 class Sent:

@@ -393,11 +393,11 @@ class App:
     hooks: Literal["gate", "app", "sidecar", "none"] = "app"
     """Where it is seen that a pod is wholly connected, and by whom it is stopped cleanly.
 
-    V(gate): from outside, by the robot's keeper, which sets a readiness gate of the pod. Nothing of the collection is
+    V(gate): from outside, by the keeper, which sets a readiness gate of the pod. Nothing of the collection is
     in the pod, whatever its image has. It is the default where that suffices: for the pattern V(pubsub) with
-    O(ros_apps[].handoff) V(overlap), a ROS master of the robot's own, and neither O(ros_apps[].launch),
-    O(ros_apps[].params), O(ros_apps[].keep_params) nor services and actions in O(ros_apps[].readiness). Calls of its
-    services that are under way when a version ends are not waited for.
+    O(ros_apps[].handoff) V(overlap), and neither O(ros_apps[].launch), O(ros_apps[].params), O(ros_apps[].keep_params)
+    nor services and actions in O(ros_apps[].readiness). Not for the scope V(fleet) with an external ROS master: no
+    keeper looks after these. Calls of its services that are under way when a version ends are not waited for.
 
     V(app), elsewhere the default: by a probe and a stop hook in the app's own container, the image of which needs
     C(python3) 3.8 or newer.

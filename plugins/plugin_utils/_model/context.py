@@ -212,7 +212,7 @@ def _settled(app: App, said: Variables, robot: Robot) -> App:
 
 
 def not_gated(app: App, robot: Robot) -> str:
-    """Why the robot's keeper cannot say from outside when a pod of the app is ready; empty where it can."""
-    if robot.master.mode == "shared" or app.scope == "fleet":
-        return "the keeper is not the robot's own"
+    """Why no keeper can say from outside when a pod of the app is ready; empty where one can."""
+    if namespace_of(app, robot) not in (robot.namespace, master_namespace(robot)):
+        return "no keeper looks after what is the whole fleet's"
     return app.not_from_outside()

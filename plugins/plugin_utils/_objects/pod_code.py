@@ -23,8 +23,9 @@ from .._model import context, names
 from .._model.app import App, Launch, Readiness
 from .._model.context import Robot
 from .common import FOR_EVER, ONE_HEAP, Files, config_map, exec_probe, mount, owner_labels
+from .namespace import needs_fleet_namespace
 
-IN_POD = ("app", "sidecar")  # where the code runs; a `gate` is looked at by the robot's keeper, `none` by nobody
+IN_POD = ("app", "sidecar")  # where the code runs; a `gate` is looked at by the keeper, `none` by nobody
 STARTED_TIMEOUT = 45  # s; `started` ends long before
 COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot
 # Characters that only a shell gives a meaning: a readiness command with one of them is a script, else a path.
@@ -206,11 +207,9 @@ def bare(text: str) -> str:
 
 
 def code_maps(robot: Robot, code: Files) -> list[Object]:
-    """The ConfigMaps `rosops-code`, one per namespace that has pods with our code; `code` is file name -> content."""
-    scopes = {app.scope for app in robot.apps if app.hooks in IN_POD}
-    shared, objects = robot.master.mode == "shared", []
-    if "robot" in scopes or not shared:
-        objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))
-    if "fleet" in scopes or shared:
-        objects.append(config_map(names.CODE_NAME, names.FLEET_NAMESPACE, owner_labels(None), code))
-    return objects
+    """The ConfigMaps `rosops-code`, one per namespace; `code` is file name -> content.
+
+    Where no pod has our code, one that a version goes back to may.
+    """
+    owners = {robot.namespace: robot.name, **({names.FLEET_NAMESPACE: None} if needs_fleet_namespace(robot) else {})}
+    return [config_map(names.CODE_NAME, place, owner_labels(owner), code) for place, owner in owners.items()]

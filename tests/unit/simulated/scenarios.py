@@ -64,6 +64,10 @@ def fleet(wanted: str) -> Robot:
     return robot(app("chart", wanted, pattern="service", scope="fleet"), master={"mode": "shared", "image": OLD})
 
 
+def shared(wanted: str) -> Robot:
+    return robot(app("sensor", wanted, placement="local"), master={"mode": "shared", "image": OLD})
+
+
 SCENARIOS = {
     "overlap": Scenario(one("sensor")),
     "drain": Scenario(one("planner", pattern="action", readiness={"actions": ["plan"]})),
@@ -75,6 +79,7 @@ SCENARIOS = {
     "group": Scenario(group),
     "two-steps": Scenario(two),
     "fleet": Scenario(fleet),
+    "overlap-shared": Scenario(shared, versions=("good", "never-connects", "half-the-rate")),
 }
 
 

@@ -10,7 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import main
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import FakeClient, FakeMaster, FakeServer
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
@@ -19,6 +24,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.clu
     start_server,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import SPACE, rosops_may
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import END
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from pod_code import write_code
 
@@ -39,6 +45,41 @@ def test_other_files_than_it_was_begun_from_are_noticed(tmp_path: Path) -> None:
     volume(tmp_path, "..2026_01_02")
     assert code_of(str(tmp_path / "run.py")) != begun
     assert code_of(str(tmp_path / "by hand" / "run.py")) == ""  # no kubelet brings others there
+
+
+def test_each_namespace_has_gates_of_its_own_and_a_whole_fleets_take_turns(tmp_path: Path) -> None:
+    for home, bound in (("robot-r1", None), ("fleet", main.LOOKS)):
+        (tmp_path / home).mkdir()
+        api = start_server(tmp_path / home, home)
+        cluster = Cluster(environment(api), str(tmp_path / home))
+        keeper = Keeper(Registrar("http://master:11311"), KeptFiles(str(tmp_path), main.tell), main.tell)
+        every = main.all_gates(cluster, keeper, None)
+        one, other = every.made("robot-r1"), every.made("robot-r2")
+        api.stop()
+        keeper.restarted_at = 7.0
+        assert (one.namespace, other.namespace, one.ros.uri, one.restarted_at()) == (
+            "robot-r1", "robot-r2", "http://master:11311", 7.0,
+        )  # fmt: skip
+        assert one.keep_latched("/a", "http://a:1/", 1.0) == []
+        assert (one.turn is other.turn) and (one.ros is other.ros) and getattr(one.turn, "_value", None) == bound
+
+
+def test_the_pods_of_each_robot_are_watched_in_threads_of_their_own(tmp_path: Path) -> None:
+    api = start_server(tmp_path, "fleet")
+    cluster = Cluster(environment(api), str(tmp_path))
+    keeper = Keeper(Registrar("http://master:11311"), KeptFiles(str(tmp_path), main.tell), main.tell)
+    every = main.all_gates(cluster, keeper, None)
+    api.put("/api/v1/namespaces/fleet/configmaps/robot-r1", {"metadata": {}})
+    pods = [f"/api/v1/namespaces/{one}/pods" for one in ("fleet", "robot-r1")]
+    try:
+        every.look()
+        assert sorted(api.next_watch()[0] for _namespace in every.gates) == pods
+    finally:
+        for one in every.gates.values():
+            one.over = True
+        for path in pods:
+            api.send(path, END)
+        api.stop()
 
 
 def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from itertools import count
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import count, pairwise
+from threading import BoundedSemaphore
 from typing import Any, cast
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
     ANEW,
     END,
@@ -19,11 +21,13 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness impo
     PROVE,
     PROVEN,
     WITHDRAW,
+    AllGates,
     Readiness,
     due,
     settings_of,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend, MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
@@ -32,7 +36,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Rate,
     Topic,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import APP, READINESS, REVISION, SETTINGS
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, World, bus, contract
@@ -65,6 +69,12 @@ def pod(
     }
 
 
+def knowing(found: Object, **changes: Any) -> Object:
+    """A pod that is told more."""
+    found["metadata"]["annotations"][SETTINGS] = json.dumps({**KNOWN, **changes})
+    return found
+
+
 @pytest.mark.parametrize(
     ("found", "wanted"),
     [
@@ -83,18 +93,20 @@ def test_what_is_due(found: Object, wanted: str) -> None:
 
 
 def test_its_settings_have_the_names_that_its_template_gives() -> None:
-    found = pod()
+    found = knowing(pod(), min_rates={"~out": 5, "/in": 7})
     found["metadata"]["labels"]["pod-template-hash"] = "5d"
-    found["metadata"]["annotations"][SETTINGS] = json.dumps({**KNOWN, "min_rates": {"~out": 5, "/in": 7}})
     settings = settings_of(found)
     assert (settings.node, settings.revision, settings.version) == ("/talker_0a1b2c3d_5d", "0a1b2c3d", "0a1b2c3d_5d")
     assert settings.min_rates == {"/talker_0a1b2c3d_5d/out": 5, "/in": 7}
+    settings = settings_of(knowing(found, node="/r1/talker", space="/r1", min_rates={"~out": 5}))
+    assert (settings.node, *settings.min_rates) == ("/r1/talker_0a1b2c3d_5d", "/r1/talker_0a1b2c3d_5d/out")
+
+
+SPACE = "robot-r1"
 
 
 class Api:
-    """The robot's namespace."""
-
-    home = "robot-r1"
+    """A robot's namespace."""
 
     def __init__(self) -> None:
         self.conditions: list[tuple[str, str, str]] = []
@@ -106,7 +118,7 @@ class Api:
         self.read = 0
 
     def set_condition(self, namespace: str, item: Object, condition: Object) -> None:
-        assert namespace == self.home
+        assert namespace == SPACE
         if self.refuses:
             raise ApiError("no", self.refuses)
         assert condition["type"] == READINESS
@@ -116,11 +128,11 @@ class Api:
         return "now"
 
     def evict(self, namespace: str, item: Object, seconds: int | None) -> None:
-        assert (namespace, seconds) == (self.home, None)
+        assert (namespace, seconds) == (SPACE, None)
         self.evicted.append(item["metadata"]["uid"])
 
     def tell(self, namespace: str, item: Object, reason: str, message: str) -> None:
-        assert (namespace, item["metadata"]["uid"], reason) == (self.home, self.evicted[-1], "NodeUnheard")
+        assert (namespace, item["metadata"]["uid"], reason) == (SPACE, self.evicted[-1], "NodeUnheard")
         assert "register once" in message
 
     def config_map(self, _namespace: str, name: str) -> Object | None:
@@ -140,37 +152,30 @@ class Scene:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
-        self.snapshots = 0
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
-        self.registered: dict[str, Entry] | None = {OWN: Entry(URI)}
+        self.places = {OWN: URI}  # all others are elsewhere
+        self.away, self.looks = False, 0  # the master, and looks at all that is registered
+        self.services: dict[str, Any] = {}  # of each node that something was done to
+        self.seen_by_looks = self.world.state
         scene = self
-
-        class Registrar:
-            def __init__(self, *_: Any) -> None: ...
-
-            def snapshot(self) -> dict[str, Entry]:
-                scene.snapshots += 1
-                if scene.registered is None:
-                    raise RosError("the master is away")
-                return scene.registered
 
         class OwnNode:
             def __init__(self, name: str, uri: str, services: Any, settings: Any) -> None:
-                del services, settings
+                del settings
                 self.name, self.uri = name, uri
+                scene.services[name] = services
 
             def __getattr__(self, what: str) -> Any:
                 return lambda _seconds: scene.done.append((what, self.name))
 
-        places = {OWN: URI}  # all others are elsewhere
-        self.world.addresses = lambda names: ({name: places.get(name, "http://h:1/") for name in names}, {})  # type: ignore[attr-defined]
-        monkeypatch.setattr(readiness, "Ros1Client", lambda *_: self.world)
-        monkeypatch.setattr(readiness, "Registrar", Registrar)
+        self.world.addresses = self.addresses  # type: ignore[attr-defined]
+        self.world.state = self.state  # type: ignore[method-assign]
         monkeypatch.setattr(readiness, "OwnNode", OwnNode)
         self.gates = Readiness(
             cast("Cluster", self.api),
-            "http://master:11311",
+            SPACE,
+            cast("Ros1Client", self.world),
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
             lambda: self.restarted_at,
             self.log.append,
@@ -178,6 +183,17 @@ class Scene:
             self.sleep,
         )
         monkeypatch.setattr(self.gates, "start", lambda work: work())
+
+    def state(self, types: bool = False) -> MasterState:
+        if types:
+            return self.seen_by_looks(types)
+        self.looks += 1
+        if self.away:
+            raise RosError("the master is away")
+        return MasterState({"/rosout": tuple(self.places)}, {}, {"/add": (OWN,)})
+
+    def addresses(self, names: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, str], dict[str, str]]:
+        return {name: self.places.get(name, "http://h:1/") for name in names}, dict.fromkeys(services, "rosrpc://h:2")
 
     def sleep(self, seconds: float) -> None:
         self.at += seconds
@@ -208,7 +224,26 @@ def test_a_pod_is_ready_once_its_nodes_are_in_the_graph(scene: Scene) -> None:
     assert scene.at >= 0.5  # nothing said what it is still going to register
     scene.gates.take(pod(says="c1"))
     assert len([one for one in scene.api.conditions if one[1] == "True"]) == 1
-    assert scene.log == ["talker-new is ready"]
+    assert scene.log == ["robot-r1: talker-new is ready"]
+
+
+def test_a_look_has_its_turn_and_the_pause_between_two_is_others(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    turn, looks = BoundedSemaphore(1), list[bool]()
+    state, sleep = scene.world.state, scene.gates.sleep
+
+    def looked(types: bool = False) -> MasterState:
+        looks.append(turn.acquire(blocking=False))
+        return state(types)
+
+    def slept(seconds: float) -> None:
+        with turn:
+            sleep(seconds)
+
+    monkeypatch.setattr(scene.world, "state", looked)
+    scene.gates.turn, scene.gates.sleep = turn, slept
+    scene.gates.take(pod())
+    assert len(looks) > 2
+    assert not any(looks)
 
 
 def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
@@ -272,16 +307,17 @@ def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
 
 
 def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene: Scene) -> None:
-    scene.registered = {OWN: Entry(URI), "/talker_00000000": Entry("http://127.0.0.9:1/"), "/x": Entry("http://[")}
+    scene.places = {OWN: URI, "/talker_00000000": "http://127.0.0.9:1/", "/x": "http://["}
     old = pod("old", says="c1", address="127.0.0.9")
     scene.gates.take(old)
     scene.gates.take(pod("gone", address="127.0.0.8", ends=True))
     scene.gates.take(pod("third", says="c1", address=""))
     scene.done.clear()
-    scene.snapshots = 0
+    scene.looks = 0
     scene.gates.take(pod())
     assert scene.done == [("keep_latched", "/talker_00000000")]
-    assert scene.snapshots == 1  # of the master, however many pods the app has
+    assert scene.services["/talker_00000000"] == {}
+    assert scene.looks == 1  # at the master, however many pods the app has
     scene.gates.take({**old, "metadata": {**old["metadata"], "deletionTimestamp": "T"}})
     steps = ["unregister", "forget", "shut_down"]
     assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
@@ -293,7 +329,8 @@ def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
     for _event in range(2):  # a second one finds nothing left, as the real node is gone
         scene.gates.take(pod(says="c1", ends=True))
     assert [step for step, _node in scene.done] == steps * 2
-    scene.registered = None  # without a master the node that was seen is ended
+    assert scene.services == {OWN: {"/add": "rosrpc://h:2"}}
+    scene.away = True  # without a master the node that was seen is ended
     scene.gates.take(pod(says="c1", ends=True))
     assert [step for step, _node in scene.done] == steps * 3
     scene.gates.seen.clear()
@@ -301,7 +338,14 @@ def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
     assert len(scene.done) == 12
 
 
-@pytest.mark.parametrize("known", [KNOWN, {**KNOWN, "expect_node": False, "launch": "overlap"}])
+def test_a_pod_that_ends_takes_no_other_robots_nodes_along(scene: Scene) -> None:
+    """A pod's address is what its host says, on a master that robots share, too."""
+    scene.places = dict.fromkeys(("/r1/talker_1", "/r1/deep/camera", "/r11/talker_1", "/map"), URI)
+    scene.gates.take(knowing(pod(says="c1", ends=True), node="/r1/talker", space="/r1"))
+    assert {node for _step, node in scene.done} == {"/r1/talker_1", "/r1/deep/camera"}
+
+
+@pytest.mark.parametrize("known", [{}, {"expect_node": False, "launch": "overlap"}])
 @pytest.mark.parametrize(
     ("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0), (3.0, None, 0)]
 )
@@ -312,8 +356,7 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
 
     A master that does not answer says nothing of its nodes.
     """
-    starting = pod()
-    starting["metadata"]["annotations"][SETTINGS] = json.dumps(known)
+    starting = knowing(pod(), **known)
     registered = dict(scene.world.publishers)
     scene.world.publishers = {"/in": ["/source"]}
     scene.world.subscribers, scene.world.services = {}, {}
@@ -353,9 +396,6 @@ def test_it_follows_what_happens(scene: Scene) -> None:
 
 
 def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    class StopError(BaseException):
-        """The loop has no end of its own."""
-
     found = iter(
         ["7", ApiError("too old", 410), ApiError("it is away"), ApiError("it is away"), ValueError("bad"), "8"]
     )
@@ -365,18 +405,123 @@ def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.M
         asked.append(version)
         one: Any = next(found, None)
         if one is None:
-            raise StopError
+            scene.gates.over = True
+            return ""
         if isinstance(one, Exception):
             raise one
         return str(one)
 
     monkeypatch.setattr(scene.gates, "follow", follow)
-    with pytest.raises(StopError):
-        scene.gates.run()
+    scene.gates.run()
     assert asked == ["", "7", "", "", "", "", "8"]
     told = ["it is away", "ValueError: bad", "the Kubernetes API answers"]
-    assert scene.log == [f"readiness of pods: {words}" for words in told]
+    assert scene.log == [f"robot-r1: readiness of pods: {words}" for words in told]
     assert scene.at == 3 * readiness.AGAIN
+
+
+@pytest.mark.parametrize("status", [403, 404])
+def test_a_namespace_that_refuses_is_asked_ever_more_seldom(scene: Scene, status: int) -> None:
+    """It may be gone, and its robot still listed; or be a new one, whose Role the API does not know yet."""
+    asked, gone = list[float](), list[bool]()
+
+    def refused(_namespace: str) -> tuple[list[Object], str]:
+        asked.append(scene.at)
+        if scene.at < 1500:
+            raise ApiError("no", status)
+        scene.gates.over = True
+        return [pod(says="c1")], "1"
+
+    scene.api.pods_since = refused  # type: ignore[method-assign]
+    scene.gates.pods = {"old": pod("old")}  # looked at just now
+    scene.soon = [(1.5, lambda: gone.extend([not scene.gates.pods]))]
+    scene.gates.run()
+    assert gone == [True]
+    pauses = [after - before for before, after in pairwise(asked)]
+    assert pauses == [1, 2, 4, 8, 16, 32, 64, 128, 256, *[readiness.SELDOM] * 4]
+    assert [line.rpartition(": ")[2] for line in scene.log] == ["no", "the Kubernetes API answers"]
+    assert not scene.gates.pods
+
+
+class ManyApi(Api):
+    """A cluster of robots that share a master, each with a pod."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.robots: list[str] = []
+        self.said: list[tuple[str, str, str]] = []
+        self.away = False
+
+    def namespaces(self) -> list[str]:
+        if self.away:
+            raise ApiError("away")
+        return ["fleet", *self.robots]
+
+    def pods_since(self, namespace: str) -> tuple[list[Object], str]:
+        name = namespace.rpartition("-")[2]
+        made = knowing(pod(f"of-{name}", address=f"10.0.0.{name[1:]}"), node=f"/{name}/talker", space=f"/{name}")
+        return [made] if namespace in self.robots else [], "1"
+
+    def set_condition(self, namespace: str, item: Object, condition: Object) -> None:
+        self.said.append((namespace, item["metadata"]["name"], condition["status"]))
+
+
+def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of those that join, too; and it ends with those that go. Both robots' apps have one name."""
+    api, threads, gates = ManyApi(), dict[str, Readiness](), dict[str, Readiness]()
+    nodes = {f"/r{number}/talker_0a1b2c3d": f"http://10.0.0.{number}:1/" for number in (1, 2)}
+    scene.world.publishers = {f"{node}/out": [node] for node in nodes}
+    scene.world.subscribers, scene.world.services = {}, {}
+    answers = {node: NodeAnswer(uri, 71, bus=[], publications=[], subscriptions=[]) for node, uri in nodes.items()}
+    scene.world.answers, scene.world.sums, scene.world.hz = answers, {}, {}
+    scene.places = nodes
+
+    def made(namespace: str) -> Readiness:
+        one = replace(scene.gates, cluster=cast("Cluster", api), namespace=namespace)
+        monkeypatch.setattr(one, "start", lambda work: threads.update({namespace: one}) if work == one.run else work())
+        gates[namespace] = one
+        return one
+
+    every = AllGates(cast("Cluster", api), made)
+    api.robots = ["robot-r1"]
+    every.look()
+    assert [*threads] == ["fleet", "robot-r1"]
+    api.robots.append("robot-r2")
+    every.look()
+    assert [*threads] == ["fleet", "robot-r1", "robot-r2"]  # none of them twice
+    for one in threads.values():
+        one.follow("")
+    ready = [(namespace, name) for namespace, name, status in api.said if status == "True"]
+    assert ready == [(f"robot-r{number}", f"talker-of-r{number}") for number in (1, 2)]
+    assert [*threads["robot-r2"].pods] == ["of-r2"]
+    api.robots.remove("robot-r1")
+    every.look()
+    assert {space: one.over for space, one in gates.items()} == {"fleet": False, "robot-r1": True, "robot-r2": False}
+    gates["robot-r1"].run()  # its thread, back from its last watch
+    assert not gates["robot-r1"].pods
+    api.robots.append("robot-r1")  # a robot of that name joins
+    every.look()
+    assert threads["robot-r1"] is gates["robot-r1"] is not threads["robot-r2"]
+    assert not gates["robot-r1"].over
+
+
+def test_an_api_that_is_away_ends_nobodys_gates(monkeypatch: pytest.MonkeyPatch) -> None:
+    class StopError(BaseException):
+        """The loop has no end of its own."""
+
+    api, looks = ManyApi(), count()
+    every = AllGates(cast("Cluster", api), made=lambda _namespace: cast("Readiness", pytest.fail()))
+
+    def sleep(seconds: float) -> None:
+        assert seconds == REFRESH
+        if next(looks):
+            raise StopError
+
+    monkeypatch.setattr(every, "sleep", sleep)
+    every.gates["fleet"] = cast("Readiness", None)
+    api.away = True
+    with pytest.raises(StopError):
+        every.run()
+    assert [*every.gates] == ["fleet"]
 
 
 def test_what_the_version_before_sends_is_listened_to_once() -> None:

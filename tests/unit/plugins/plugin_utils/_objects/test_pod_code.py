@@ -157,6 +157,7 @@ SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0
         ([PLAIN], {}, [ROBOT]),  # the keeper's pod needs it
         ([PLAIN], EXTERNAL, [ROBOT]),
         ([APP], SHARED, [ROBOT, FLEET]),
+        ([PLAIN], SHARED, [ROBOT, FLEET]),  # a version that a step goes back to may need it
         ([BESIDE], EXTERNAL, [ROBOT]),
         ([FLEETS], EXTERNAL, [ROBOT, FLEET]),
     ],

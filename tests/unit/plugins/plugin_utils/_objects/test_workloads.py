@@ -125,6 +125,9 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
     assert not {"command", "args"} & set(own)
 
 
+EXTERNAL = {"mode": "external", "uri": "http://10.0.0.5:11311"}
+
+
 @pytest.mark.parametrize(
     ("changes", "of", "hooks"),
     [
@@ -141,8 +144,11 @@ def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
         ({"launch": {"file": "/a.launch"}, "args": []}, {}, "app"),
         ({"params": {"rate": 5}, "command": ["talk"]}, {}, "app"),
         ({"keep_params": ["rate"], "command": ["talk"]}, {}, "app"),
-        ({}, {"master": {"mode": "shared"}}, "app"),
-        ({}, {"master": {"mode": "external", "uri": "http://10.0.0.5:11311"}}, "gate"),
+        ({}, {"master": {"mode": "shared"}}, "gate"),
+        ({"scope": "fleet", "placement": "remote"}, {"master": {"mode": "shared"}}, "gate"),
+        ({}, {"master": EXTERNAL}, "gate"),
+        # each robot has a keeper, and none of them looks after the namespace fleet
+        ({"scope": "fleet", "placement": "remote"}, {"master": EXTERNAL}, "app"),
     ],
 )
 def test_who_says_when_a_pod_is_ready(changes: dict[str, Any], of: dict[str, Any], hooks: str) -> None:

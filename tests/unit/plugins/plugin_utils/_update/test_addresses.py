@@ -36,7 +36,7 @@ def test_no_pod_is_told_a_name(mode: str) -> None:
     told = text.replace('"http://ros-master', "").replace('"http://ros-keeper', "")
     assert told == text
     assert text.count("http://10.43.0.17:11311") == 5  # keeper, three apps, and a sidecar
-    assert text.count("http://10.43.0.18:11411") == {"robot": 2, "shared": 3}[mode]  # hooks in apps' pods
+    assert text.count("http://10.43.0.18:11411") == 2  # hooks in apps' pods
 
 
 def test_what_others_have_of_these_names_is_not_the_masters() -> None:

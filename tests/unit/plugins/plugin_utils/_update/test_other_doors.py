@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of, settings
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
 
-OVERLAP = ("overlap", "group", "launch", "launch-held")
+OVERLAP = ("overlap", "overlap-shared", "group", "launch", "launch-held")
 OTHERS = ("drain", "replace")
 
 

@@ -95,10 +95,11 @@ def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
     assert not step.resume
 
 
+@pytest.mark.parametrize("mode", ["robot", "shared"])
 @pytest.mark.parametrize(("hooks", "steps"), [("gate", [["ros-keeper"], ["one"]]), ("app", [["one"]])])
-def test_the_keeper_comes_before_a_pod_whose_gate_it_opens(hooks: str, steps: list[list[str]]) -> None:
-    before = robot(app("one", hooks="app"), master={"image": "x.org/ros:1"})
-    after = robot(app("one", "example.org/app:1.1", hooks=hooks), master={"image": "x.org/ros:2"})
+def test_the_keeper_comes_before_a_pod_whose_gate_it_opens(hooks: str, steps: list[list[str]], mode: str) -> None:
+    before = robot(app("one", hooks="app"), master={"mode": mode, "image": "x.org/ros:1"})
+    after = robot(app("one", "example.org/app:1.1", hooks=hooks), master={"mode": mode, "image": "x.org/ros:2"})
     assert step_names(planned(after, applied(before), Request(only=["one"]))) == steps
 
 
