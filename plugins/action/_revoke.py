@@ -80,13 +80,16 @@ def _pods(kube: Kube, node: str) -> list[Object]:
 
 
 def _wait_for_force(kube: Kube, node: str, timeout: float) -> None:
-    """Until the API server refuses what the node's kubelet would do next: to bring its Node again."""
-    kubelet = kube.acting_as(user_of(node), NODES)
+    """Until the API server refuses what the node's kubelet would write next: to its Node, or a new one."""
+    kubelet, ref = kube.acting_as(user_of(node), NODES), Ref("Node", node, "", "v1")
     own = {"apiVersion": "v1", "kind": "Node", "metadata": {"name": node}}
 
     def refused() -> Seen:
         try:
-            kubelet.apply([own], dry_run=True)
+            if kube.get(ref):
+                kubelet.merge(ref, {"metadata": {"annotations": {REVOKER: "tried"}}}, dry_run=True)
+            else:
+                kubelet.apply([own], dry_run=True)
         except ApiError as error:
             if error.status == 403 and refusal_of(node) in str(error):
                 return Seen(PASS)
