@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.poll import WAIT
@@ -72,6 +73,9 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
         "restart": changed,
         "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
+    undone = any(value for name, value in work.items() if name != "wait")
+    if wanted.anew:  # it gets a token at each look, so that by this nobody sees whether it has one by now
+        undone = plan(now, replace(wanted, anew=False), source, version, kubeconfig_right)["undone"]
     return {
         **work,
         "works": works,
@@ -79,7 +83,7 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
         "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven) and not joins),
         "down": bool(now["data"] and not up),
         "any": any(work.values()),
-        "undone": any(value for name, value in work.items() if name != "wait"),
+        "undone": undone,
         # a unit that is up and only not enabled is not restarted for that
         "state": "restarted" if up and changed else "started",
     }

@@ -93,6 +93,9 @@ def planned(
         # a robot that was off for a year, and one that was named
         ({"lapsed": True}, {"init": False, "tokens": ("agent-token",)}, {"tokens": ["agent-token"], "guarded": True}),
         ({}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"tokens": ["agent-token"], "guarded": True}),
+        # after a run that named it the token is no work that is left
+        ({}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"any": True, "undone": False}),
+        ({"stale": True}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"undone": True}),
         (
             {"ready": False, "service__active": "activating"},
             {"init": False, "tokens": ("agent-token",), "anew": True},
