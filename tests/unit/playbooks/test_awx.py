@@ -86,7 +86,7 @@ def test_an_update_of_many_short_waits_says_where_it_stands(server: Server, laun
     """None of them is so long that it speaks for itself: an API that is slow until that is said."""
 
     def slow(_path: str) -> int:
-        time.sleep(0 if "the robot's steps: goes on" in job.output else 1.5)
+        time.sleep(0 if "the robot's steps: goes on" in job.output else 1.1)
         return 0
 
     runs(server, "robot1")
