@@ -48,6 +48,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text, summary_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate import launch_file
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import tar_of
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_fleet
 
 NOW = "2026-11-24T16:12:30Z"
@@ -202,16 +203,6 @@ def packed(said: bytes) -> list[archive.Image]:
         return found.images()
 
 
-def tar(files: Mapping[str, bytes]) -> bytes:
-    made = io.BytesIO()
-    with tarfile.open(fileobj=made, mode="w") as file:
-        for name, content in files.items():
-            member = tarfile.TarInfo(name)
-            member.size = len(content)
-            file.addfile(member, io.BytesIO(content))
-    return made.getvalue()
-
-
 def kubeconfig_is_bare(said: str) -> bool:
     found = yaml.safe_load(said)
     user, of = found["users"][0]["user"], found["clusters"][0]["cluster"]
@@ -227,7 +218,7 @@ def inside(found: list[Any]) -> bool:
 
 
 CONFIG = json.dumps({"architecture": "amd64"}).encode()
-ARCHIVE = tar({"manifest.json": b"", "c.json": CONFIG})
+ARCHIVE = tar_of({"manifest.json": b"", "c.json": CONFIG})
 FACTS = {"hostname": "robot1", "machine_id": "ab12", "routes": [{"family": 4, "interface": "eth0", "mtu": 1500}]}
 K3S_YAML = yaml.safe_dump({
     "clusters": [{"cluster": {"server": "https://127.0.0.1:6443", "certificate-authority-data": "QQ=="}}],
