@@ -21,6 +21,7 @@ from .._ros.backend import MasterState
 from .._ros.names import is_meant
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
+from .._ros.rpc import Request
 from . import memory
 from .memory import KeptFiles, Silence
 
@@ -60,6 +61,8 @@ class Keeper:
         self.params_at = 0.0
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
+        self.whole_at: tuple[Any, ...] = ()  # the master that has all that was registered with the one before,
+        self.whole_since = math.inf
         self.complete = bool(self.memory.master and self.params) or not self.keeps
         self.away = ""
         self.state: MasterState | None = None
@@ -90,6 +93,22 @@ class Keeper:
         self.changed = True
         return [1, "", 0]
 
+    def is_whole(self, since: float) -> bool:
+        """Whether the master that answers now had, at that time by `now`, been given back what the one before had.
+
+        Until then a node that it does not know may still be there.
+        """
+        try:
+            known = not self.away and self.whole_since <= since
+            return known and _identity(self.ros.calls(self._who)) == self.whole_at
+        except RosError:
+            return False
+
+    @property
+    def _who(self) -> list[Request]:
+        caller = self.ros.caller
+        return [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id")]
+
     def take_back(self, nodes: Iterable[str]) -> None:
         """Point the services of these nodes to them again, where they live: whoever has them now is about to go."""
         names = {*nodes}
@@ -104,13 +123,12 @@ class Keeper:
     # ---- the look
 
     def _look(self) -> None:
-        caller, began = self.ros.caller, self.now()
-        identity = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id")]
+        began = self.now()
         rests = self.state is not None and began < self.due
-        if rests and _identity(self.ros.calls(identity)) == self.memory.master:  # nobody restarted it
+        if rests and _identity(self.ros.calls(self._who)) == self.memory.master:  # nobody restarted it
             self._keep_params(began)
             return
-        *parts, system = self.ros.calls([*identity, ("getSystemState", caller)])
+        *parts, system = self.ros.calls([*self._who, ("getSystemState", self.ros.caller)])
         if isinstance(system, RosError):
             raise system
         now = self.now()
@@ -121,25 +139,31 @@ class Keeper:
             self.log("the master is back")
             self.away = ""
         restarted = bool(self.memory.master) and master != self.memory.master
-        self.memory.master = master
         known = self.seen is not None
         news = self._register(system, now, restarted) or bool(self.memory.missed)
         if restarted:
             self.restarted_at = now if known else self.restarted_at  # else its host was booted, and all pods with it
         if not self.keeps:
+            self._has_all(master)
             self.memory.nodes = {node: entry for node, entry in self.memory.nodes.items() if node in self.present}
             return
         if restarted:
-            self._replay(now)
+            self._replay(now, known)
         else:
             # what the master lost without a restart, as a service whose last provider left while an earlier lives
             calls = self._restore(self.memory.lost(self.present, now)) if news else ()
             if calls:
                 self.log(f"restored {in_words(calls)}")
             news = self._probe(now) or news
+        self._has_all(master)  # not before: one that broke off in the middle is given all of it once more
         self._keep_params(now)
         if news:
             self.kept.save("registrations", self.memory.as_dict())
+
+    def _has_all(self, master: tuple[Any, ...]) -> None:
+        if master != self.whole_at:
+            self.memory.master = self.whole_at = master
+            self.whole_since = self.now()
 
     def _register(self, system: Any, now: float, anew: bool) -> bool:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
@@ -168,8 +192,13 @@ class Keeper:
 
     # ---- what was lost
 
-    def _replay(self, now: float) -> None:
-        """After a restart of the master: parameters first, which nodes that start now will read."""
+    def _replay(self, now: float, late: bool) -> None:
+        """After a restart of the master: parameters first, which nodes that start now will read.
+
+        `late`: nodes that do not answer in time get back what they had, as the master would have it without a restart:
+        who looks for a peer of a new version must not take it for one that has left. Not where this process has begun
+        since: then the host was booted, and pods of before with it.
+        """
         start = time.monotonic()
         wanted = memory.parameters_of(self.params)
         tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
@@ -178,17 +207,20 @@ class Keeper:
         for (name, _value), result in zip(todo, results):
             if isinstance(result, RosError):
                 self.log(f"parameter {name} was not set: {result}")
-        calls = self._restore(self.memory.lost(self.present, now, at_once=True), now)
+        calls = self._restore(self.memory.lost(self.present, now, at_once=True), now, late)
         nodes = {call.node for call in calls}
         self.log(
             f"the master was restarted: {len(calls)} registrations of {len(nodes)} nodes and {len(todo)} parameters "
             f"restored in {(time.monotonic() - start) * 1000:.0f} ms"
         )
 
-    def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
+    def _restore(self, need: Mapping[str, Entry], restarted: float = 0, late: bool = False) -> tuple[Call, ...]:
         if not need:
             return ()
-        calls = self.memory.settle(need, self.present, self.ros.ask(need, ASK), restarted)
+        answers = self.ros.ask(need, ASK)
+        if late:  # a process that came meanwhile has its name
+            self.present = self._without_us(self.ros.snapshot())
+        calls = self.memory.settle(need, self.present, answers, restarted, late)
         if calls:
             self.ros.apply(calls)
             self.state = None  # look up all of it next time
@@ -205,6 +237,7 @@ class Keeper:
         self.silence = self.memory.silence() if asked else self.silence
         for node in gone:
             self._reap(node, answers[node], now)
+        self._correct(self.memory.doubtful(answers))
         for node in back:
             self.present = self._without_us(self.ros.snapshot())
             calls = self._restore(registrations.missing({node: self.memory.revive(node)}, self.present))
@@ -214,6 +247,16 @@ class Keeper:
             self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
             self.probing.start()
         return bool(gone or back)
+
+    def _correct(self, doubtful: Mapping[str, Entry]) -> None:
+        """Take back what nodes were given back without a word of theirs, and do not have."""
+        if doubtful:
+            answers = self.ros.ask(doubtful, ASK)
+            calls = registrations.denied(doubtful, answers)
+            if calls:
+                self.ros.apply(calls)
+                self.log(f"took back {in_words(calls)}: by its own word it has that no more")
+            self.memory.correct(answers, calls)
 
     def _ask(self, entries: dict[str, Entry]) -> None:
         self.probed = (entries, self.ros.ask(entries, PROBE, own_word=False))

@@ -157,7 +157,9 @@ def all_gates(cluster: Cluster, keeper: Keeper, latched: LatchedTopics | None) -
     turn = threading.BoundedSemaphore(LOOKS) if cluster.home == FLEET else contextlib.nullcontext()
 
     def made(namespace: str) -> Readiness:
-        return Readiness(cluster, namespace, ros, keep_latched, lambda: keeper.restarted_at, tell, turn=turn)
+        return Readiness(
+            cluster, namespace, ros, keep_latched, lambda: keeper.restarted_at, keeper.is_whole, tell, turn=turn
+        )
 
     return AllGates(cluster, made)
 

@@ -12,7 +12,7 @@ import os
 import xmlrpc.client
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Callable, Iterator, Mapping
+from typing import Any, Callable, Iterator, Mapping, Sequence
 
 from .._ros import registrations
 from .._ros.registrations import Call, Entry, Liveness
@@ -45,6 +45,7 @@ class Memory:
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
     silent: dict[str, float] = field(default_factory=dict)  # node -> first look in vain, since when all were
+    unsure: set[str] = field(default_factory=set)  # nodes that were given back what they had, and did not say a word
 
     # ---- what is there
 
@@ -77,6 +78,7 @@ class Memory:
         self.nodes.pop(node, None)
         for table in (self.missed, self.suspects, self.seen, self.silent):
             table.pop(node, None)
+        self.unsure.discard(node)
 
     # ---- what the master has lost
 
@@ -102,16 +104,20 @@ class Memory:
         present: Mapping[str, Entry],
         answers: Mapping[str, Liveness],
         restarted: float = 0,
+        late: bool = False,
     ) -> tuple[Call, ...]:
         """The calls that bring back what was lost. What a node says it no longer has is over, and what the dead had.
 
         Unless the master was `restarted` just then: the dead did not leave, so they are remembered as removed.
+        `late`: who does not answer gets back what it had, until it says what it has.
         """
-        calls = registrations.restore(need, present, answers)
+        calls = registrations.restore(need, present, answers, late)
         restored = {(call.kind, call.node, call.name) for call in calls}
         for node, entry in need.items():
             answer = answers.get(node)
             if answer is None or answer.verdict == registrations.UNKNOWN or node not in self.nodes:
+                if any(call.node == node for call in calls):
+                    self.unsure.add(node)
                 continue
             if restarted and answer.verdict == registrations.DEAD:
                 self.bury(node, restarted)
@@ -120,10 +126,25 @@ class Memory:
             def stays(kind: str, name: str, node: str = node, entry: Entry = entry) -> bool:
                 return name not in entry.part(kind) or (kind, node, name) in restored
 
-            self.nodes[node] = self.nodes[node].only(stays)
-            if self.nodes[node].empty:
-                self.forget(node)
+            self._keep_only(node, stays)
         return calls
+
+    def _keep_only(self, node: str, stays: Callable[[str, str], bool]) -> None:
+        self.nodes[node] = self.nodes[node].only(stays)
+        if self.nodes[node].empty:
+            self.forget(node)
+
+    def doubtful(self, answers: Mapping[str, Liveness]) -> dict[str, Entry]:
+        """Nodes that were given back what they had without a word of theirs, and answer now."""
+        speak = {node for node in self.unsure & answers.keys() if answers[node].verdict == registrations.ALIVE}
+        return {node: self.nodes[node] for node in sorted(speak)}
+
+    def correct(self, answers: Mapping[str, Liveness], calls: Sequence[Call]) -> None:
+        """The doubtful have said what they have; by these calls the rest was taken back."""
+        for node in self.doubtful(answers):
+            taken = {(call.kind, call.name) for call in calls if call.node == node}
+            self.unsure.discard(node)
+            self._keep_only(node, lambda *one, taken=taken: one not in taken)
 
     # ---- who is gone
 
@@ -137,7 +158,7 @@ class Memory:
         everyone.update({node: self.nodes[node] for node in (*present, *self.missed) if node in self.nodes})
         found = {}
         for node, entry in everyone.items():
-            period = AGAIN if node in self.suspects or node in self.missed else PERIOD
+            period = AGAIN if node in {*self.suspects, *self.missed, *self.unsure} else PERIOD
             if node in self.removed:  # the longer it is gone, the less it is worth
                 period = max(PERIOD, (now - self.removed[node][1]) / 5)
             if now - self.seen.get(node, now - PERIOD) >= period:

@@ -15,11 +15,12 @@ from functools import lru_cache, partial
 from typing import Callable, ContextManager, Mapping, Sequence
 
 from .._common.errors import FleetError, RosError
-from .._common.poll import FAIL, PASS, overall
+from .._common.poll import FAIL, PASS, WAIT, overall
 from .._pod.own_node import OwnNode, places
 from .._pod.started import INTERVAL, SECONDS, SLOW_INTERVAL, Outside, Owed, Starting, introduce, message, owed_by
 from .._pod.state import TIMEOUT, Settings, State, load_settings
 from .._ros.backend import Backend, MasterState
+from .._ros.checks import Check
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
@@ -31,6 +32,7 @@ from .cluster_api import REFRESH, ApiError, Cluster
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
 ANEW, ENDED = "not ready: its container was started anew", "not ready: its container has ended"
+FORGETFUL = "it was begun anew, and has not yet been given back all that was registered"
 TELL = 1.0  # s between two reasons that are told of one pod
 OWED = 1.0  # s for which what was read of its record counts
 GONE = 410  # the API's answer where the version to go on from is too old
@@ -92,6 +94,7 @@ class Readiness:
     ros: Ros1Client  # of all looks: what one of them has read of a large graph the others need not read again
     keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
     restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
+    is_whole: Callable[[float], bool]  # `Keeper.is_whole`
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -205,13 +208,15 @@ class Readiness:
         look = self.looks(pod)
         while True:
             with self.turn:
-                checks = look()
+                looked_at, checks = self.now(), look()
             pod = self.pods.get(uid, {})
             if due(pod) != PROVE or container_of(pod) != container:
                 return
+            if overall([check.verdict for check in checks]) == PASS:
+                if self.is_whole(looked_at):
+                    break
+                checks = [Check("master", self.ros.uri, WAIT, FORGETFUL)]
             verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
-            if verdict == PASS:
-                break
             if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)

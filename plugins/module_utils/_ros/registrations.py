@@ -9,6 +9,7 @@ process of the same name registered is that one's, and a node that is only slow 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import Callable, Iterable, Mapping, Sequence
 
 from .._common.documents import Data, Document
@@ -158,19 +159,33 @@ def gone(entry: Entry, answer: Liveness) -> str:
     return alive(entry, answer) if answer.verdict in (DEAD, ALIVE) else ""
 
 
-def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness]) -> tuple[Call, ...]:
+def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness], late: bool = False) -> tuple[Call, ...]:
     """Calls that register what is missing of nodes that live, and have it by their own word.
 
     Registering the old address of a name that a newer process has would make the master shut that one down.
+    `late`: and all that is missing of nodes that may only be late, see `denied`.
     """
-
-    def confirmed(entry: Entry, answer: Liveness) -> Entry:
-        own = {kind: getattr(answer, part) for kind, part in KINDS.items()}
-        return entry.only(lambda kind, name: own[kind] is None or name in own[kind])
-
     asked = {node: entry for node, entry in need.items() if present.get(node, entry).uri == entry.uri}
     living = {node: entry for node, entry in asked.items() if node in answers and not alive(entry, answers[node])}
-    return _ordered({node: confirmed(entry, answers[node]) for node, entry in living.items()})
+    found = {node: entry.only(partial(_has, answers[node])) for node, entry in living.items()}
+    silent = {node: entry for node, entry in asked.items() if node in answers and answers[node].verdict == UNKNOWN}
+    return _ordered({**found, **silent} if late else found)
+
+
+def denied(present: Snapshot, answers: Mapping[str, Liveness]) -> tuple[Call, ...]:
+    """Calls that take back topics that nodes that live do not have by their own word; a service may only be late."""
+
+    def lies(answer: Liveness, kind: str, name: str) -> bool:
+        return kind != SERVICE and not _has(answer, kind, name)
+
+    living = {node: entry for node, entry in present.items() if not alive(entry, answers[node])}
+    return _ordered({node: entry.only(partial(lies, answers[node])) for node, entry in living.items()}, remove=True)
+
+
+def _has(answer: Liveness, kind: str, name: str) -> bool:
+    """By a node's own word, or it does not say."""
+    own = getattr(answer, KINDS[kind])
+    return own is None or name in own
 
 
 def remove(present: Snapshot, answers: Sequence[Mapping[str, Liveness]]) -> tuple[Call, ...]:

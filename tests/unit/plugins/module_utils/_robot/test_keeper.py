@@ -343,6 +343,82 @@ def test_when_the_master_was_restarted_is_known_to_who_saw_the_one_before(bench:
     assert again.restarted_at < 0
 
 
+def test_a_node_that_is_late_when_the_master_comes_back_is_no_node_that_left(bench: Bench) -> None:
+    """Its peers would do without it: a new publisher would be proven while nobody tells its subscriber of it."""
+    bench.steps(20)
+    before = bench.registered()
+    bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
+    bench.ros.restart()
+    bench.step()
+    assert bench.registered() == before
+    bench.ros.nodes["/listener"] = Entry(LISTENER.uri, 8, {}, {"/other": "std_msgs/String"}, {})
+    bench.steps(20)
+    assert bench.registered() == before  # it has not said anything yet
+    del bench.ros.verdicts["/listener"]
+    bench.steps(AGAIN + 2)
+    assert bench.registered() == {"/talker": replace(TALKER, pid=None)}
+    assert bench.said[-1] == "took back /listener subscriber /chatter: by its own word it has that no more"
+    assert "/listener" not in bench.keeper.memory.nodes
+    said = len(bench.said)
+    bench.steps(20)
+    assert len(bench.said) == said
+
+
+def test_a_newer_process_of_a_late_nodes_name_keeps_it(bench: Bench) -> None:
+    """The master would shut it down for the old address."""
+    bench.steps(2)
+    newer, ask = Entry("http://l:2/", 9, {}, {"/chatter": "std_msgs/String"}, {}), bench.ros.ask
+
+    def comes_meanwhile(entries: Mapping[str, Entry], *more: Any, **options: Any) -> dict[str, Liveness]:
+        answers = ask(entries, *more, **options)
+        bench.ros.entries["/listener"] = bench.ros.nodes["/listener"] = newer
+        return answers
+
+    bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
+    bench.ros.ask = comes_meanwhile  # type: ignore[method-assign]
+    bench.ros.restart()
+    bench.step()
+    assert bench.registered()["/listener"].uri == newer.uri
+
+
+def test_who_is_late_at_the_boot_of_a_host_ended_with_it(bench: Bench) -> None:
+    bench.steps(2)
+    bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
+    bench.ros.restart()
+    bench.start()
+    bench.step()
+    assert set(bench.registered()) == {"/talker"}
+
+
+def test_a_master_that_breaks_off_while_it_is_given_back_is_given_all_once_more(bench: Bench) -> None:
+    bench.steps(2)
+    before, calls = bench.registered(), bench.ros.calls
+    bench.ros.restart()
+
+    def breaks_off(requests: Sequence[tuple[Any, ...]]) -> list[Any]:
+        if any(method == "setParam" for method, *_more in requests):
+            raise RosError("no answer within 2 s")
+        return calls(requests)
+
+    assert not bench.keeper.is_whole(bench.at)
+    bench.ros.calls = breaks_off  # type: ignore[method-assign]
+    assert bench.step() == AWAY
+    assert not bench.keeper.is_whole(bench.at)
+    bench.ros.calls = calls  # type: ignore[method-assign]
+    bench.ros.up = False
+    assert not bench.keeper.is_whole(bench.at)
+    bench.ros.up = True
+    began = bench.at
+    bench.step()
+    assert (bench.registered(), bench.ros.params["robot"]) == (before, {"wheels": 4})
+    assert bench.keeper.is_whole(bench.at)
+    assert not bench.keeper.is_whole(began - 1)  # what was seen then may have been of one that was not
+    bench.ros.restart()
+    assert not bench.keeper.is_whole(bench.at)  # although it has not seen that one yet
+    bench.ros.up = False
+    assert not bench.keeper.is_whole(bench.at)
+
+
 def test_what_died_with_the_master_or_was_set_since_is_left_alone(bench: Bench) -> None:
     bench.steps(2)
     bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens")

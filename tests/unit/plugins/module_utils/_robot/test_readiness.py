@@ -155,6 +155,7 @@ class Scene:
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.places = {OWN: URI}  # all others are elsewhere
+        self.whole_since = -1.0
         self.away, self.looks = False, 0  # the master, and looks at all that is registered
         self.services: dict[str, Any] = {}  # of each node that something was done to
         self.seen_by_looks = self.world.state
@@ -178,6 +179,7 @@ class Scene:
             cast("Ros1Client", self.world),
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
             lambda: self.restarted_at,
+            lambda since: since >= self.whole_since,
             self.log.append,
             lambda: self.at,
             self.sleep,
@@ -372,6 +374,16 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
     scene.soon = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
     scene.gates.take(starting)
     assert len(scene.api.evicted) == evicted
+
+
+def test_nothing_is_proven_by_a_master_that_has_not_been_given_all_back(scene: Scene) -> None:
+    """A subscriber that it does not know may be there: whoever took it for one that left would lose its messages."""
+    scene.whole_since = 30.0
+    scene.gates.take(pod())
+    *_, waits, proven = scene.api.conditions
+    assert waits == ("new", "False", f"not ready: master {scene.world.uri}: {readiness.FORGETFUL}")
+    assert proven == ("new", "True", PROVEN + "c1")
+    assert scene.at >= 30.0
 
 
 def test_pods_without_our_gate_are_nobodys_business(scene: Scene) -> None:

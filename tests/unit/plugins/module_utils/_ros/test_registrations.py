@@ -68,6 +68,32 @@ def test_only_what_the_node_confirms_is_restored(answer: Liveness, restored: tup
     assert registrations.restore({"/n": TALKER}, {"/n": Entry(OTHER, None, {"/a": "x/A"})}, {"/n": answer}) == ()
 
 
+def test_who_may_only_be_late_gets_back_what_it_had_where_that_is_asked_for() -> None:
+    late = {"/n": Liveness(UNKNOWN, "no answer")}
+    calls = registrations.restore({"/n": TALKER}, {}, late, late=True)
+    assert tuple(call.name for call in calls) == ALL
+    newer = {"/n": Entry(OTHER, None, {"/a": "x/A"})}
+    assert registrations.restore({"/n": TALKER}, newer, late, late=True) == ()
+    assert registrations.restore({"/n": TALKER}, {}, {"/n": Liveness(DEAD)}, late=True) == ()
+
+
+@pytest.mark.parametrize(
+    ("answer", "taken"),
+    [
+        (YES, ()),
+        (replace(YES, publications=None), ()),  # it does not say
+        (replace(YES, publications=frozenset(), services=frozenset()), ("/a",)),  # the service may only be late
+        (replace(YES, subscriptions=frozenset({"/c"})), ("/b",)),
+        (Liveness(ALIVE, "", 8, frozenset(), frozenset()), ()),  # another process: it is gone, which is looked at twice
+        (Liveness(UNKNOWN), ()),
+    ],
+)
+def test_what_a_node_denies_is_taken_back(answer: Liveness, taken: tuple[str, ...]) -> None:
+    calls = registrations.denied({"/n": TALKER}, {"/n": answer})
+    assert tuple(call.name for call in calls) == taken
+    assert all(call.remove for call in calls)
+
+
 @pytest.mark.parametrize(
     ("present", "take", "missing"),
     [
