@@ -50,13 +50,15 @@ class Keeper:
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic  # a clock that nobody sets
     uri: str = ""  # where the master can tell us of parameters that change
+    boot: str = ""  # of this host, what tells it from another
     keeps: bool = True  # else the master is somebody else's: it is only looked at, and given nothing back by itself
 
     def __post_init__(self) -> None:
-        self.restarted_at = -math.inf  # when another master was seen than this process had seen before, by `now`
+        self.restarted_at = -math.inf  # when another master was seen than before in this boot, by `now`
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = self.now()
         self.memory = memory.from_dict(self.kept.load("registrations"), self.now())
+        self.booted, self.memory.boot = self.memory.boot != self.boot, self.boot  # since what is on record
         self.params: str = str(self.kept.load("parameters") or "")
         self.params_at = 0.0
         self.changed = False  # since they were read
@@ -139,16 +141,15 @@ class Keeper:
             self.log("the master is back")
             self.away = ""
         restarted = bool(self.memory.master) and master != self.memory.master
-        known = self.seen is not None
         news = self._register(system, now, restarted) or bool(self.memory.missed)
         if restarted:
-            self.restarted_at = now if known else self.restarted_at  # else its host was booted, and all pods with it
+            self.restarted_at = self.restarted_at if self.booted else now
         if not self.keeps:
             self._has_all(master)
             self.memory.nodes = {node: entry for node, entry in self.memory.nodes.items() if node in self.present}
             return
         if restarted:
-            self._replay(now, known)
+            self._replay(now)
         else:
             # what the master lost without a restart, as a service whose last provider left while an earlier lives
             calls = self._restore(self.memory.lost(self.present, now)) if news else ()
@@ -164,6 +165,7 @@ class Keeper:
         if master != self.whole_at:
             self.memory.master = self.whole_at = master
             self.whole_since = self.now()
+            self.booted = False
 
     def _register(self, system: Any, now: float, anew: bool) -> bool:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
@@ -192,12 +194,12 @@ class Keeper:
 
     # ---- what was lost
 
-    def _replay(self, now: float, late: bool) -> None:
+    def _replay(self, now: float) -> None:
         """After a restart of the master: parameters first, which nodes that start now will read.
 
-        `late`: nodes that do not answer in time get back what they had, as the master would have it without a restart:
-        who looks for a peer of a new version must not take it for one that has left. Not where this process has begun
-        since: then the host was booted, and pods of before with it.
+        Nodes that do not answer in time get back what they had, as the master would have it without a restart: who
+        looks for a peer of a new version must not take it for one that has left. Not after a boot of the host: that
+        ended the pods of before.
         """
         start = time.monotonic()
         wanted = memory.parameters_of(self.params)
@@ -207,7 +209,7 @@ class Keeper:
         for (name, _value), result in zip(todo, results):
             if isinstance(result, RosError):
                 self.log(f"parameter {name} was not set: {result}")
-        calls = self._restore(self.memory.lost(self.present, now, at_once=True), now, late)
+        calls = self._restore(self.memory.lost(self.present, now, at_once=True), now, not self.booted)
         nodes = {call.node for call in calls}
         self.log(
             f"the master was restarted: {len(calls)} registrations of {len(nodes)} nodes and {len(todo)} parameters "

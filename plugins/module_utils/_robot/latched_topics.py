@@ -25,14 +25,13 @@ from .._ros.registrar import Registrar
 from .._ros.replies import connections, topic_types
 from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
 from .latched import DROP, OFFER, Value, as_kept, from_kept, worth_keeping
-from .memory import KeptFiles
+from .memory import KeptFiles, boot_of_host
 
 PART = "latched"  # of the kept files
 MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; their volume has 64 MiB
 LOOK = 1.0  # seconds between looks at the master; or so many times as long as a look took, up to these seconds:
 SHARE, MOST = 10, 10.0
 CONNECT = 2.0
-BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 @dataclass(eq=False)
@@ -59,7 +58,7 @@ class LatchedTopics:
         """Go on after a restart; files that nobody knows of go."""
         content = self.files.load(PART)
         known = from_kept(content)
-        kept = {value.file: value for value in known if content["boot"] == _boot()}
+        kept = {value.file: value for value in known if content["boot"] == boot_of_host()}
         for file in self.directory.glob("*"):
             value = kept.get(file.name)
             if value is not None and value.size == file.stat().st_size:
@@ -138,7 +137,7 @@ class LatchedTopics:
 
     def _save(self) -> None:
         with self.lock:  # a call that keeps more must not write the file at the same time
-            self.files.save(PART, as_kept(self.values.values(), _boot()))
+            self.files.save(PART, as_kept(self.values.values(), boot_of_host()))
 
     # ---- subscribers, each in a thread of its own
 
@@ -299,11 +298,3 @@ class LatchedPublication(Publication):
 
     def left(self, caller: str) -> None:
         self.owner.left(self, caller)
-
-
-def _boot() -> str:
-    """What tells this boot of the host from another."""
-    try:
-        return BOOT.read_text("ascii").strip()
-    except OSError:
-        return ""

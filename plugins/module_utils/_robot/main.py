@@ -31,7 +31,7 @@ from .goal_forwarding import SWITCHED_OFF, GoalForwarding
 from .holds import Holds
 from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
-from .memory import KeptFiles
+from .memory import KeptFiles, boot_of_host
 from .open_goals import Staying
 from .readiness import CALLER, AllGates, Readiness
 from .step_watch import Robot, StepWatch
@@ -100,7 +100,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     """All that is done for the robots of one master, until it is told to end, or its code has changed."""
     uri, keeps = slave.master_uri, chosen["--keep"] == "on"
     kept, ros = KeptFiles(chosen["--record"], tell), Registrar(uri, TIMEOUT, NAME)
-    keeper = Keeper(ros, kept, tell, uri=slave.uri, keeps=keeps)
+    keeper = Keeper(ros, kept, tell, uri=slave.uri, boot=boot_of_host(), keeps=keeps)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))
     slave.register({"paramUpdate": keeper.parameter_changed})

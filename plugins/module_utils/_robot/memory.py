@@ -24,6 +24,15 @@ MEMORY = 86400.0  # seconds that a removed node is remembered
 REMEMBERED = 200
 # The master's own: roscore sets them anew, and they name the run.
 OWN = frozenset({"run_id", "rosversion", "rosdistro"})
+BOOT = Path("/proc/sys/kernel/random/boot_id")
+
+
+def boot_of_host() -> str:
+    """What tells this boot of the host from another."""
+    try:
+        return BOOT.read_text("ascii").strip()
+    except OSError:
+        return ""
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,7 @@ class Memory:
     """Nodes and their registrations: of those that are there, and of those that were removed."""
 
     master: tuple[Any, ...] = ()  # what tells this run of the master from another
+    boot: str = ""  # of the host, in which all this was seen
     nodes: dict[str, Entry] = field(default_factory=dict)
     removed: dict[str, tuple[Entry, float]] = field(default_factory=dict)  # with the time
     missed: dict[str, float] = field(default_factory=dict)  # node that lacks something -> after when to ask it
@@ -217,6 +227,7 @@ class Memory:
     def as_dict(self) -> dict[str, object]:
         return {
             "master": list(self.master),
+            "boot": self.boot,
             "nodes": {node: entry.as_dict() for node, entry in sorted(self.nodes.items())},
             # without the times: no clock that nobody sets outlives a reboot
             "removed": {node: [entry.as_dict()] for node, (entry, _at) in sorted(self.removed.items())},
@@ -228,6 +239,7 @@ def from_dict(data: Any, now: float) -> Memory:
     try:
         return Memory(
             tuple(data["master"]),
+            str(data.get("boot", "")),
             {node: registrations.from_dict(entry) for node, entry in data["nodes"].items()},
             {node: (registrations.from_dict(entry), now) for node, (entry,) in data["removed"].items()},
         )

@@ -135,6 +135,7 @@ class Bench:
     def __init__(self, directory: Path) -> None:
         self.ros, self.directory, self.at = Ros(), directory, 1000.0
         self.said: list[str] = []
+        self.boot = "one"
         self.keeper = self.start()
 
     def start(self) -> Keeper:
@@ -143,6 +144,7 @@ class Bench:
             KeptFiles(str(self.directory), self.said.append),
             self.said.append,
             lambda: self.at + self.ros.took,
+            boot=self.boot,
         )
         return self.keeper
 
@@ -338,9 +340,18 @@ def test_when_the_master_was_restarted_is_known_to_who_saw_the_one_before(bench:
     bench.step()
     assert bench.keeper.restarted_at == at
     bench.ros.restart()
-    again = bench.start()  # the host was booted, and with it both
+    again, at = bench.start(), bench.at  # with other code
+    bench.step()
+    assert again.restarted_at == at
+    bench.ros.restart()
+    bench.boot = "two"
+    again = bench.start()
     bench.step()
     assert again.restarted_at < 0
+    bench.ros.restart()
+    at = bench.at
+    bench.step()
+    assert again.restarted_at == at
 
 
 def test_a_node_that_is_late_when_the_master_comes_back_is_no_node_that_left(bench: Bench) -> None:
@@ -385,6 +396,11 @@ def test_who_is_late_at_the_boot_of_a_host_ended_with_it(bench: Bench) -> None:
     bench.steps(2)
     bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
     bench.ros.restart()
+    bench.start()
+    bench.step()
+    assert set(bench.registered()) == {"/talker", "/listener"}  # only the keeper began anew
+    bench.ros.restart()
+    bench.boot = "two"
     bench.start()
     bench.step()
     assert set(bench.registered()) == {"/talker"}

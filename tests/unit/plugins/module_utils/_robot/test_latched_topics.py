@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._robot import latched_topics
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import latched_topics, memory
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import EXPIRES, SETTLE
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched_topics import LatchedTopics
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
@@ -130,7 +130,7 @@ class Stage:
 @pytest.fixture
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     (tmp_path / "boot_id").write_text("this one\n")
-    monkeypatch.setattr(latched_topics, "BOOT", tmp_path / "boot_id")
+    monkeypatch.setattr(memory, "BOOT", tmp_path / "boot_id")
     # whom the master tells of a publisher is none of these tests' business
     monkeypatch.setattr(FakeMaster, "introduce", lambda _self, _topic: None)
     made = Stage(tmp_path)
