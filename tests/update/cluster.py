@@ -44,6 +44,7 @@ class Pod:
     image: str
     revision: str
     template: str  # Kubernetes' hash of it
+    address: str
     ready: bool
     going: bool
     containers: tuple[str, ...]
@@ -77,6 +78,7 @@ class Cluster:
                 image=item.spec.containers[0].image,
                 revision=labels.get("rosops.fleet/revision", ""),
                 template=labels.get("pod-template-hash", ""),
+                address=item.status.pod_ip or "",
                 ready="Ready" in said and said["Ready"].status == "True",
                 going=item.metadata.deletion_timestamp is not None,
                 containers=tuple(sorted(str(one.container_id) for one in statuses)),

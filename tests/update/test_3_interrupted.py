@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import evidence
 import pytest
 from awx_job import Job
-from cluster import MASTER
+from cluster import KEEPER, MASTER
 from fleet import ALL_AT_ONCE, LIMIT, Fleet, Variables
 from runs import Run, Running, wait_until
 
@@ -104,19 +105,34 @@ def apps_only(pods: Mapping[str, Any]) -> dict[str, Any]:
     return {app: there for app, there in pods.items() if app != MASTER}
 
 
+@contextmanager
+def nothing_comes(fleet: Fleet, robot: str, sender: str, receiver: str) -> Iterator[None]:
+    """From one pod of the robot's, which is on the robot, to another one."""
+    pods = [pod for there in fleet.pods()[robot].values() for pod in there]
+    source, to = (next(pod.address for pod in pods if pod.name.startswith(name)) for name in (sender, receiver))
+    rule = f"PREROUTING -s {source} -d {to} -j DROP"
+    fleet.hosts.ssh(robot, f"iptables -w -t raw -I {rule}")
+    try:
+        yield
+    finally:
+        fleet.hosts.ssh(robot, f"iptables -w -t raw -D {rule}")
+
+
 @pytest.mark.promise("apps outlive their ROS master")
 def test_apps_outlive_their_master(fleet: Fleet) -> None:
+    """Also one that the keeper cannot ask for a while: its publisher's next version must not do without it."""
     before, watch = fleet.running()["robot1"], fleet.watch()
-    fleet.cluster.delete_pod("robot1", MASTER)
-    wait_until(
-        lambda: fleet.running()["robot1"].get(MASTER),
-        lambda pods: pods is not None and len(pods) == 1 and pods != before[MASTER],
-        60,
-        "a new pod of the master",
-    )
-    fleet.wait_settled()
-    assert apps_only(fleet.running()["robot1"]) == apps_only(before)
-    fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
+    with nothing_comes(fleet, "robot1", KEEPER, "temperature-stats"):
+        fleet.cluster.delete_pod("robot1", MASTER)
+        wait_until(
+            lambda: fleet.running()["robot1"].get(MASTER),
+            lambda pods: pods is not None and len(pods) == 1 and pods != before[MASTER],
+            60,
+            "a new pod of the master",
+        )
+        fleet.wait_settled()
+        assert apps_only(fleet.running()["robot1"]) == apps_only(before)
+        fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     # a look-up that met no master may wait for two minutes: the update, which is none of the service, goes on meanwhile
     watch.assert_only_lookups_failed("robot1")
 
