@@ -20,6 +20,8 @@ from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, keep, kubeco
 from ..plugin_utils._objects.revocation import described, policy_name, refusal_of
 from ..plugin_utils._upstream import ansible_core
 
+# as systemd does itself when the bridge appears
+BRIDGE = ["/lib/systemd/systemd-sysctl", "--prefix=/net/ipv4/neigh/cni0"]
 LASTS = "1h"  # a token for the join of one agent; one that did not get there in time gets another one
 
 
@@ -97,10 +99,14 @@ class ActionModule(FleetAction):
         host = ActionHost(self, known, check_mode=check)
         place = ActionHost(self, known, check_mode=check or bool(staged))
         there = (plan["joins"], Datastore(plan["etcd"], plan["encrypts"]))
-        files = wanted(variables, known["inventory_hostname"], known["hostvars"], *there).files
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"], *there)
         result = {"changed": False, "diff": [], "written": plan["write"], "removed": plan["remove"]}
         done = [host.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False) for name, text in tokens.items()]
-        for file in (file for file in files if file.path in plan["write"]):
+        for file in (file for file in part.beside if file.path in plan["beside"]):
+            done.append(host.write(file.path, file.content, file.mode, diff=self._task.diff))
+        if plan["beside"] and not check:
+            done.append(host.module("ansible.builtin.command", {"argv": BRIDGE}))
+        for file in (file for file in part.files if file.path in plan["write"]):
             done.append(place.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret))
             if staged and not check:
                 done.append(host.write(file.path + staged, file.content, file.mode, diff=False))

@@ -34,7 +34,8 @@ class ActionModule(FleetAction):
         host = ActionHost(self, known)
         servers = [] if part.init else _addresses(variables, known["hostvars"])
         files = [*part.started_with, *(file.path for file in part.files if file.path not in part.started_with)]
-        asked = {"role": variables["k3s_role"], "files": files, "servers": servers}
+        beside = [file.path for file in part.beside]
+        asked = {"role": variables["k3s_role"], "files": files, "beside": beside, "servers": servers}
         # an agent has one of its own, which the inventory does not know
         for_agents = variables["k3s_agent_token"] if variables["k3s_role"] == "server" else ""
         tokens = {"token": variables["k3s_token"], "agent_token": for_agents}

@@ -258,8 +258,9 @@ def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], ti
 def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     """What decides whether something is to be done about k3s.
 
-    `asked` are the `role` that the host is to have, the `files` that k3s reads when it starts, `token` and
-    `agent_token` as the inventory gives them (empty: keep those that are there), and the `servers` as address:port.
+    `asked` are the `role` that the host is to have, the `files` that k3s reads when it starts, those `beside` them,
+    `token` and `agent_token` as the inventory gives them (empty: keep those that are there), and the `servers` as
+    address:port.
 
     `stale`: k3s was started with other files. `data`: there is a datastore (server) or a node's certificate (agent); a
     host without it says which servers are `answering`. `lapsed`: the node's certificate is of no more use to it.
@@ -279,7 +280,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     return {
         "machine": os.uname().machine,
         "version": host.version(),
-        "files": {name: host.describe(name) for name in dict.fromkeys([*files, BINARY])},
+        "files": {name: host.describe(name) for name in dict.fromkeys([*files, *asked["beside"], BINARY])},
         "images": host.sizes(f"{DATA_DIR}/agent/images"),
         "service": {
             "active": shown.get("ActiveState", "inactive"),

@@ -27,6 +27,7 @@ ETCD = f"{DATA_DIR}/server/db/etcd"
 ENCRYPTION = f"{DATA_DIR}/server/cred/encryption-config.json"  # k3s keeps its key there, if it encrypts Secrets
 # Names of our own, so that a file of the operator's is never taken for ours and deleted.
 SYSCTLS = "/etc/sysctl.d/90-rosops-fleet.conf"
+NEIGHBOURS = "/etc/sysctl.d/90-rosops-fleet-cni0.conf"
 AUDIT_POLICY = f"{CONFIG_DIR}/rosops-fleet-audit.yaml"
 KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
 SERVICES = {"server": "k3s", "agent": "k3s-agent"}

@@ -18,7 +18,18 @@ from typing import Any, Callable, Iterable, NamedTuple
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .k3s import BINARY, CONFIG_DIR, DATA_DIR, SERVICES, SYSCTLS, UNIT_CGROUP, UNIT_DIRECTORY, K3sHost, Run
+from .k3s import (
+    BINARY,
+    CONFIG_DIR,
+    DATA_DIR,
+    NEIGHBOURS,
+    SERVICES,
+    SYSCTLS,
+    UNIT_CGROUP,
+    UNIT_DIRECTORY,
+    K3sHost,
+    Run,
+)
 
 UNITS = tuple(SERVICES.values())
 # the binary, the one before it, one that was to come
@@ -33,6 +44,7 @@ OURS = (
     "/var/lib/rancher/rosops-fleet-images.tar",  # an archive whose transfer was cut off
     *(f"{UNIT_DIRECTORY}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
     *(f"{SYSCTLS}{kept}" for kept in ("", ".next", ".previous")),
+    NEIGHBOURS,
 )
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
 # a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.

@@ -65,6 +65,7 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
         "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
         "tokens": tokens,
         **changes,
+        "beside": file_changes(wanted.beside, now["files"])["write"],
         "start": start,
         "wait": start or unproven or not now["ready"],
         # what serves is changed with care, and what nobody has proven is proven or taken back

@@ -34,6 +34,17 @@ UNIT
 mkdir -p "$root/etc/systemd/system/sysinit.target.wants"
 ln -sf ../lab-shared-mounts.service "$root/etc/systemd/system/sysinit.target.wants/lab-shared-mounts.service"
 
+# What udev does, by its 99-systemd.rules, when the bridge of the pods appears. udev does not run here.
+cat > "$root/etc/systemd/system/lab-bridge.service" <<'UNIT'
+[Unit]
+Description=Variables of the kernel for the bridge of the pods
+DefaultDependencies=no
+
+[Service]
+ExecStart=/bin/sh -c 'ip -o monitor link | while read -r line; do case "$line" in *cni0*) /lib/systemd/systemd-sysctl --prefix=/net/ipv4/neigh/cni0;; esac; done'
+UNIT
+ln -sf ../lab-bridge.service "$root/etc/systemd/system/sysinit.target.wants/lab-bridge.service"
+
 # The lab gives each host its key: known_hosts is written before the first boot, and host key checking stays on.
 rm -f "$root"/etc/ssh/ssh_host_*_key "$root"/etc/ssh/ssh_host_*_key.pub
 cat > "$root/etc/ssh/sshd_config.d/lab.conf" <<'CONF'

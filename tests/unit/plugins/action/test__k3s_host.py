@@ -113,7 +113,7 @@ def test_volumes_and_identity_stay_unless_asked_for(
 CONFIG, UNIT, REGISTRIES = (
     "/etc/rancher/k3s/config.yaml", "/etc/systemd/system/k3s.service", "/etc/rancher/k3s/registries.yaml",
 )  # fmt: skip
-PLAN: dict[str, Any] = {"tokens": [], "etcd": False, "encrypts": False}
+PLAN: dict[str, Any] = {"tokens": [], "beside": [], "etcd": False, "encrypts": False}
 
 
 @pytest.fixture
@@ -126,8 +126,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
         return {"changed": True, "diff": [{"before": "", "after": path}] if diff else []}
 
     def module(host: Any, name: str, args: dict[str, Any]) -> dict[str, Any]:
-        assert name == "ansible.builtin.file"
-        done.append((args["path"], host.check_mode))
+        done.append((" ".join(args["argv"]) if name == "ansible.builtin.command" else args["path"], host.check_mode))
         return {"changed": True}
 
     monkeypatch.setattr(_k3s_host.ActionHost, "write", write)
@@ -142,7 +141,7 @@ def files(staged: str, check_mode: bool = False, joins: str = "", **more: Any) -
         "hostvars": {"robot1": {}, "edge1": {}}, "k3s_role": "agent" if joins else "server", "k3s_cluster": "edge",
         "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
     }  # fmt: skip
-    plan = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins, **PLAN, **more}
+    plan = {**PLAN, "write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins, **more}
     return run(_k3s_host, {"do": "files", "plan": plan, "registered": "__k3s_slurped"}, variables, check_mode)
 
 
@@ -166,6 +165,18 @@ def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list
     assert written == [
         (CONFIG, True), (f"{CONFIG}.next", False), (UNIT, True), (f"{UNIT}.next", False), (REGISTRIES, True),
     ]  # fmt: skip
+
+
+def test_what_k3s_does_not_read_comes_in_place_and_at_once(written: list[tuple[str, bool]]) -> None:
+    file = "/etc/sysctl.d/90-rosops-fleet-cni0.conf"
+    at_once = "/lib/systemd/systemd-sysctl --prefix=/net/ipv4/neigh/cni0"
+    for staged in ("", ".next"):
+        written.clear()
+        assert files(staged, write=[], remove=[], beside=[file])["changed"]
+        assert written == [(file, False), (at_once, False)]
+    written.clear()
+    assert files("", check_mode=True, write=[], remove=[], beside=[file])["changed"]
+    assert written == [(file, True)]
 
 
 def test_check_mode_writes_nowhere(written: list[tuple[str, bool]]) -> None:

@@ -38,7 +38,7 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
                 return {**seen, "failed": plan.ends != "pass"}  # type: ignore[attr-defined]
             assert (name, secrets) == ("k3s_facts", {"token": "", "agent_token": ""})
             plan.asked = args  # type: ignore[attr-defined]
-            return {"files": dict.fromkeys([*args["files"], BINARY], GONE), **BARE, **now}
+            return {"files": dict.fromkeys([*args["files"], *args["beside"], BINARY], GONE), **BARE, **now}
 
         def on_a_server(_self: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
             assert (task["become"], task["check_mode"]) == (True, False)
@@ -143,7 +143,7 @@ def test_hardening_comes_and_goes_as_a_change_of_a_cluster_that_works(
 
     def there() -> dict[str, Any]:
         """As it is once the last plan was carried out."""
-        written = {file.path: file for file in parts[-1].files if file.content}
+        written = {file.path: file for file in (*parts[-1].files, *parts[-1].beside) if file.content}
         return {"files": dict.fromkeys([*planned.asked["files"], BINARY], GONE) | {
             path: {"exists": True, "mode": file.mode, "sha256": hashlib.sha256(file.content.encode()).hexdigest()}
             for path, file in written.items()

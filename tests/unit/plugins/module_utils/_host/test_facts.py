@@ -209,7 +209,16 @@ def test_modules(tmp_path: Path) -> None:
 
 # ---- what k3s is there
 
-AGENT = {"role": "agent", "files": [], "token": "", "agent_token": "", "servers": []}
+AGENT = {"role": "agent", "files": [], "beside": [], "token": "", "agent_token": "", "servers": []}
+
+
+def test_a_file_that_k3s_does_not_read_is_looked_at_and_makes_no_start_due(tmp_path: Path) -> None:
+    asked: list[list[str]] = []
+    host = K3sHost(lambda argv: asked.append(argv) or (0, "", ""), str(tmp_path))
+    found = _host_facts.k3s_facts(host, {**AGENT, "files": ["/read"], "beside": ["/beside"]})
+    assert {"/read", "/beside"} <= found["files"].keys()
+    (compared,) = [argv for argv in asked if argv[0] == "stat"]
+    assert compared[3:] == ["/read"]
 
 
 @pytest.mark.parametrize(("role", "path", "etcd"), [

@@ -95,6 +95,7 @@ class Commands:
 FILES = (
     "etc/systemd/system/k3s.service", "etc/systemd/system/k3s.service.previous", "etc/rancher/k3s/config.yaml",
     "etc/rancher/k3s/rosops-fleet-audit.yaml", "etc/sysctl.d/90-rosops-fleet.conf",
+    "etc/sysctl.d/90-rosops-fleet-cni0.conf",
     "etc/sysctl.d/90-rosops-fleet.conf.previous", "etc/sysctl.d/90-kubelet.conf",
     "etc/rancher/node/password", "usr/local/bin/k3s", "usr/local/bin/k3s.previous", "usr/local/bin/kubectl",
     "var/lib/rancher/k3s/server/db/state.db", "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/kubelet/config",

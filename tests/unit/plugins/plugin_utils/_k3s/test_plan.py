@@ -57,6 +57,16 @@ def planned(
     return plan(facts, replace(WANTED, **wanted), source, version, right)
 
 
+def test_a_file_that_k3s_does_not_read_is_written_and_nothing_is_started_again() -> None:
+    file = HostFile("/etc/sysctl.d/ours.conf", "a=1\n", "0644", secret=False)
+    gone = {"exists": False, "sha256": "", "mode": ""}
+    there = {"exists": True, "sha256": hashlib.sha256(b"a=1\n").hexdigest(), "mode": "0644"}
+    found = planned({f"files__{file.path}": gone}, beside=(file,))
+    assert (found["beside"], found["any"], found["undone"]) == ([file.path], True, True)
+    assert not (found["write"] or found["start"] or found["guarded"] or found["wait"])
+    assert not planned({f"files__{file.path}": there}, beside=(file,))["any"]
+
+
 @pytest.mark.parametrize(
     ("now", "wanted", "expected"),
     [

@@ -181,6 +181,17 @@ def test_a_configuration_with_a_secret_is_not_shown(key: str, value: Any, secret
     assert part("robot1", k3s_config={key: value}).files[0].secret is secret
 
 
+def test_a_host_forgets_pods_that_have_ended_whatever_k3s_is_on_it() -> None:
+    """And k3s does not start again for that."""
+    for host in HOSTVARS:
+        found = part(host)
+        (file,) = found.beside
+        assert (file.path, file.mode) == ("/etc/sysctl.d/90-rosops-fleet-cni0.conf", "0644")
+        assert "net.ipv4.neigh.cni0.base_reachable_time_ms=2000\n" in file.content
+        assert file.path not in found.started_with
+        assert file not in found.files
+
+
 def test_an_ipv6_address_is_one_in_the_certificate() -> None:
     found = wanted(variables("edge1"), "edge1", {**HOSTVARS, "edge1": {"ansible_host": "2001:db8::1"}})
     assert yaml.safe_load(found.files[0].content)["tls-san"] == ["2001:db8::1", "edge1"]
