@@ -67,7 +67,7 @@ def test_service_that_crashes_after_it_registered(fleet: Fleet) -> None:
     fleet.update(bad, *LIMIT, **PATIENCE, update_verify_seconds=10).must(2, robot1="rolled-back")
     fleet.wait_settled()
     assert fleet.revisions()["robot1"] == revisions
-    [losses] = watch.losses("robot1", goals=False, patience=150).values()  # as TCP waits for a pod that has just gone
+    [losses] = watch.losses("robot1", goals=False).values()
     assert losses.lost == 0, losses
     fleet.watch().assert_nothing_lost("robot1", goals=False)  # the old version answers again
     if fleet.running()["robot1"]["add-two-ints"] == before["robot1"]["add-two-ints"]:
