@@ -137,6 +137,11 @@ package: ## Build the collection's package into .cache/package (what it holds: t
 	@rm -rf .cache/package
 	ansible-galaxy collection build --output-path .cache/package .
 
+.PHONY: sbom
+sbom: ## What a release needs to run, as CycloneDX, beside the package
+	@mkdir -p .cache/package
+	python tools/sbom.py > .cache/package/rosops-fleet.cdx.json
+
 .PHONY: dist
 dist: package ## The package through Galaxy's importer, installed into an empty place, and run from there
 	ROSOPS_IMPORTER_PYTHON=$$($(LAB) python importer) ROSOPS_OLD_PYTHON=$$($(LAB) python old-core) python -m pytest -n 0 tests/dist
