@@ -33,8 +33,11 @@ RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 TAKE_PAUSE = 0.5  # seconds between two looks whether another run's Lease is renewed
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
-# in the order of Live's fields
-KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1", KIND: API}
+# Live's fields: what is in them
+KINDS = {
+    "deployments": ("Deployment", "apps/v1"), "maps": ("ConfigMap", "v1"), "services": ("Service", "v1"),
+    "pods": ("Pod", "v1"), "policies": (KIND, API),
+}  # fmt: skip
 
 
 def run_name(known: Mapping[str, object]) -> str:
@@ -62,15 +65,16 @@ class KubeCluster:
 
     def read(self, namespaces: Iterable[str]) -> Live:
         """What these namespaces have, of ours only."""
-        wanted = [(kind, namespace) for kind in KINDS for namespace in namespaces]
+        wanted = [(part, namespace) for part in KINDS for namespace in namespaces]
         ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
         with ThreadPoolExecutor(len(wanted)) as pool:
-            lists = list(pool.map(lambda one: self._kube.objects(one[0], one[1], ours), wanted))
-        found: dict[str, list[Object]] = {kind: [] for kind in KINDS}
-        for (kind, _namespace), items in zip(wanted, lists, strict=True):
+            lists = list(pool.map(lambda one: self._kube.objects(KINDS[one[0]][0], one[1], ours), wanted))
+        found: dict[str, list[Object]] = {part: [] for part in KINDS}
+        for (part, _namespace), items in zip(wanted, lists, strict=True):
+            kind, version = KINDS[part]
             # the items of a list do not say what they are
-            found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
-        return Live(*found.values())
+            found[part] += [{**item, "apiVersion": version, "kind": kind} for item in items]
+        return Live(**found)
 
     def unlabelled(self, robot: Robot) -> bool:
         """Whether nodes of its pods are known by the labels of 1.0 alone: the role node was not there since."""
