@@ -25,6 +25,7 @@ from .._objects.master import keeper_objects, ros_core_objects
 from .._objects.network import network_policies
 from .._objects.parts import APPS, PARTS, POLICED, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
+from .._objects.placement import CHOOSES
 from .addresses import NAMES, SERVING
 from .nodes import Launched, intended, launched
 from .revisions import Key, deployments_of, described, files_owner, identity, kept, key_of, working
@@ -113,9 +114,12 @@ def placed(robot: Robot, live: Live, unlabelled: bool) -> Robot:
 
     What would be another version by these labels alone, keeps its own until it changes anyway.
     """
-    every, there = (*NAMES, *(app.name for app in robot.apps)), {*map(hash_of, live.deployments)}
-    others = rendered(replace(robot, old_labels=() if unlabelled else every))
-    stays = {app for app, made in others.items() if there & {*map(hash_of, deployments_of(made))}}
+    every, others = (*NAMES, *(app.name for app in robot.apps)), {labels[not unlabelled] for labels in CHOOSES.values()}
+    # nothing is made to be compared where nothing is placed by the other labels, as after an update of all
+    pods = ((hash_of(one), one["spec"]["template"]["spec"]) for one in live.deployments)
+    there = {digest for digest, pod in pods if others & (pod.get("nodeSelector") or {}).keys()}
+    made = rendered(replace(robot, old_labels=() if unlabelled else every)) if there else {}
+    stays = {app for app, objects in made.items() if there & {*map(hash_of, deployments_of(objects))}}
     return replace(robot, old_labels=tuple(app for app in every if (app in stays) != unlabelled))
 
 
