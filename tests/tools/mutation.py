@@ -34,6 +34,7 @@ FILES = (
 )
 TYPES = ("world.py",)  # nothing is decided there
 BESIDE = {  # file -> other files of its room whose tests are its own, too
+    "app_change": ["engine_soak"],
     "change": ["host_change", "app_change_install", "app_change"],
     "checks": ["gate"],
     "hands": ["app_change_install"],

@@ -81,6 +81,15 @@ def test_a_new_app_is_there_or_gone() -> None:
             assert bool(sim.deployment(("robot-robot1", "driver"))) == (word == "updated")
 
 
+def test_a_step_that_is_taken_up_leaves_no_goal_behind() -> None:
+    """The keeper waits for a server that comes; this one was there before the run that proves it."""
+    for at in range(1, 30):
+        sim, wanted = begin("drain", "good")
+        sim.run(wanted, settings(), "killed", at)
+        assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
+        assert not sim.holds, at
+
+
 @pytest.mark.parametrize("after", ["1", "3", "5", "8", "5-once"])
 @pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
 def test_a_version_that_ends_some_seconds_after_its_start_goes_back(name: str, after: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._step import words
+from ansible_collections.rosops.fleet.plugins.module_utils._step import update_record, words
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
@@ -98,6 +98,9 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
         "ready", "rollout", "apply",
     ]  # fmt: skip
     assert not marked(sim)
+    told = [item for key, item in sim.objects.items() if key[2] == update_record.NAME]
+    events = [event for record in told for event in update_record.events_of(record)]
+    assert {event["app"]: event["outcome"] for event in events} == dict.fromkeys(found.steps[0].apps, "updated")
     assert word(sim, of) == "unchanged"
     assert not sim.engine_changes
     assert sim.calls == ["there", "read", "apply", "rollout", "ready"]
@@ -145,6 +148,16 @@ def test_what_does_not_come_up_stays_and_is_told_and_the_rest_is_at_work() -> No
     assert not marked(sim)
 
 
+def test_an_app_that_came_up_and_does_not_keep_what_it_promised_is_not_proven() -> None:
+    sim, promise = Simulation(), {"topics": [{"name": "/battery", "publishers": 1}]}
+    of = wanted()
+    found = outcome(sim, robot(*APPS[:1], app("sensor", GOOD, readiness=promise), *APPS[2:]))
+    assert found.outcome == "failed"
+    assert str(found.reason).endswith("; up: ros-keeper, ros-master, stats, planner")
+    assert marked(sim) == {"sensor"}
+    assert word(sim, of) == "updated"
+
+
 def test_what_was_cancelled_stays_and_is_told() -> None:
     sim = Simulation()
     outcome(sim, wanted())
@@ -158,7 +171,8 @@ def test_what_was_cancelled_stays_and_is_told() -> None:
 def test_a_master_that_does_not_come_up() -> None:
     sim = Simulation()
     bad, good = wanted(master={"image": image("never-starts")}), wanted(master={"image": GOOD})
-    assert word(sim, bad) == "failed"
+    found = outcome(sim, bad)
+    assert (found.outcome, "; up:" in str(found.reason)) == ("failed", False)
     assert marked(sim) >= {"ros-master", "sensor", "stats", "planner"}
     assert word(sim, good) == "updated"
     assert word(sim, good) == "unchanged"
@@ -185,6 +199,9 @@ def test_check_mode_names_all_of_it_and_makes_nothing() -> None:
     assert {"Namespace", "PersistentVolumeClaim", "Deployment", "Service", "ConfigMap"} <= {
         change.ref.kind for change in sim.engine_changes
     }
+    # as they are once all of it is proven
+    made = [change.after for change in sim.engine_changes if change.ref.kind == "Deployment" and change.after]
+    assert not [item for item in made if words.UPDATING in item["metadata"]["annotations"]]
     assert not sim.objects
 
 
