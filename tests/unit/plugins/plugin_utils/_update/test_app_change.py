@@ -81,6 +81,27 @@ def test_a_new_app_is_there_or_gone() -> None:
             assert bool(sim.deployment(("robot-robot1", "driver"))) == (word == "updated")
 
 
+@pytest.mark.parametrize(
+    ("name", "phases"),
+    [
+        ("overlap", [
+            "sensor: apply", "sensor: rollout", "sensor: verify", "waits until sensor is what was recorded",
+            "waits until sensor is what was recorded", "sensor: finish",
+        ]),
+        ("master", [
+            "ros-master: apply", "ros-master: rollout", "ros-master: verify", "waits until the new master answers",
+            "waits until ros-master is what was recorded", "waits until ros-master is what was recorded",
+            "ros-master: finish",
+        ]),
+    ],
+)  # fmt: skip
+def test_where_a_step_stands_is_told(name: str, phases: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(Simulation, "stands", lambda _sim, phase: told.append(phase))
+    outcome_of(*begin(name, "good"))
+    assert told[-len(phases) :] == phases
+
+
 def test_a_step_that_is_taken_up_leaves_no_goal_behind() -> None:
     """The keeper waits for a server that comes; this one was there before the run that proves it."""
     for at in range(1, 30):
