@@ -49,6 +49,7 @@ LOGS = CHECKOUT / "reports" / "stages"
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # pytest's, also where another tool prints it within its own lines
 REASON = re.compile(r"\b(FAILED|ERROR) \S+::|\bE   ")
+CONTINUED = re.compile(r"\s*│ {6,}[^\s-]")  # of a long line, as molecule shows what Ansible wraps
 WHY = 20  # lines of each stage: those of four stages still fit into the end that is at hand
 
 
@@ -172,8 +173,11 @@ def nothing_left(watched: Watched, patience: float) -> Result:
 
 def reasons(output: str) -> tuple[str, ...]:
     """The lines that say why: pytest's, or the last ones."""
-    lines = COLOUR.sub("", output).splitlines()
-    return tuple([line for line in lines if REASON.search(line)][-WHY:] or lines[-WHY:])
+    lines, found, taken = COLOUR.sub("", output).splitlines(), list[str](), False
+    for line in lines:
+        taken = bool(REASON.search(line) or (taken and CONTINUED.match(line)))
+        found += [line] if taken else []
+    return tuple(found[-WHY:] or lines[-WHY:])
 
 
 def summary(results: list[Result], seconds: float) -> str:
