@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Callable
 
 from .._common.documents import Data, Document, json_of
-from .._common.errors import FleetError, SpecError
-from .._common.poll import PASS
+from .._common.errors import FleetError, RosError, SpecError
+from .._common.poll import PASS, WAIT
 from .._ros.backend import Questions, everything
 from .._ros.conditions import conditions_from
 from .._ros.graph_json import graph_data
@@ -30,6 +30,7 @@ from .._step.windows import Windows
 from .._step.words import FLEET, JOBS_PATH, LASTING, OWNER, PATH, REST, REST_KEY
 from .cluster_api import read_records
 from .holds import Holds
+from .keeper import FORGETFUL
 
 INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away
@@ -37,6 +38,7 @@ JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn,
 SHORTEST = 0.05  # seconds from one look of a job to the next
 LONGEST = 900.0  # and does not take longer than so many, whoever asks
 CHANGING = ("register", "reap", "release")  # jobs; one that holds goals says so by the address of a keeper
+GIVEN_BACK = 15.0  # seconds for which what is asked of a master that was begun anew is asked once more
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
 
 
@@ -69,13 +71,19 @@ def rest_of(found: Object | None, app: str) -> RestRules:
 
 
 class Door:
-    """The pages below /v1/. `left_over`: whether whoever has this Lease of a namespace has gone."""
+    """The pages below /v1/. `left_over`: whether whoever has this Lease of a namespace has gone. `is_whole`: the
+    keeper's, by the clock of the `holds`.
+    """
 
     def __init__(
-        self, holds: Holds, left_over: Callable[[str, Object | None], bool], sleep: Callable[[float], None] = time.sleep
+        self,
+        holds: Holds,
+        left_over: Callable[[str, Object | None], bool],
+        is_whole: Callable[[float], bool],
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.holds, self.cluster, self.ros = holds, holds.cluster, holds.ros
-        self.left_over, self.sleep = left_over, sleep
+        self.left_over, self.is_whole, self.sleep = left_over, is_whole, sleep
         self.turns = threading.BoundedSemaphore(AT_ONCE)
         self.jobs = threading.BoundedSemaphore(JOBS_AT_ONCE)
 
@@ -120,9 +128,21 @@ class Door:
         try:
             if name in CHANGING or "keeper_uri" in arguments:
                 self._permit(namespace, asked.query.get("holder", ""))
-            return JOBS[name](arguments)
+            return self._told(name, arguments)
         except FleetError as error:
             return {**error.details, "failed": True, "msg": str(error)}
+
+    def _told(self, name: str, arguments: Data) -> Data:
+        """The result of a job. What passes has been seen at a master that has all which the one before had."""
+        over = self.holds.now() + GIVEN_BACK
+        while True:
+            began = self.holds.now()
+            found = JOBS[name](arguments)
+            if name in CHANGING or found.get("verdict", PASS) != PASS or self.is_whole(began):
+                return found
+            if began >= over:
+                raise RosError(f"the ROS master at {self.ros.uri}: {FORGETFUL}")
+            self.sleep(INTERVAL)
 
     def _permit(self, namespace: str, holder: str) -> None:
         now = holder_of(self.cluster.lease(namespace, newest=True))
@@ -187,7 +207,7 @@ class Door:
 
     def _rests(self, namespace: str, app: str, rest: RestRules, mine: bool) -> tuple[str, str]:
         """Verdict and reason. What is held already is only looked at: its owner may be at work."""
-        state = self.ros.state()
+        began, state = self.holds.now(), self.ros.state()
         graph = self.ros.ask(state, Questions(dict.fromkeys(state.nodes(), frozenset()))).by_revision()
         found = self.cluster.deployment(namespace, app) if app else None
         pods = self.cluster.pods(namespace) if found else []
@@ -206,6 +226,8 @@ class Door:
         finally:
             robot.close()
         self.holds.add(namespace, {name: new[name] for name in ended.held})
+        if ended.verdict == PASS and not self.is_whole(began):
+            return WAIT, f"the ROS master: {FORGETFUL}"
         return ended.verdict, ended.reason
 
 

@@ -127,7 +127,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
         holds = Holds(cluster, client, KeeperCalls(slave.uri, NAME), kept)
         robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence, holds.watch)
         watch = StepWatch(cluster, client, robot, kept, tell)
-        slave.show(PATH, Door(holds, watch.left_over).page)
+        slave.show(PATH, Door(holds, watch.left_over, keeper.is_whole).page)
         beside.append(watch.run)
         beside.append(all_gates(cluster, keeper, latched).run)
     slave.start()

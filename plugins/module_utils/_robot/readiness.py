@@ -28,11 +28,11 @@ from .._step.objects import Object, address_of, annotations_of, app_of, gate_of,
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
 from .cluster_api import REFRESH, ApiError, Cluster
+from .keeper import FORGETFUL
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
 ANEW, ENDED = "not ready: its container was started anew", "not ready: its container has ended"
-FORGETFUL = "it was begun anew, and has not yet been given back all that was registered"
 TELL = 1.0  # s between two reasons that are told of one pod
 OWED = 1.0  # s for which what was read of its record counts
 GONE = 410  # the API's answer where the version to go on from is too old

@@ -85,7 +85,7 @@ class World(Api):
     def __init__(self) -> None:
         super().__init__(SPACE)
         self.at, self.begin = 5000.0, MIDNIGHT + 3600.0
-        self.master_away = False
+        self.master_away, self.whole_since = False, 0.0  # the time since when it has all that the one before had
         self.maps = {item["metadata"]["name"]: item for item in rest_maps(INVENTORY)}
         self.there = {app: live(version(app, 2, SPACE, f"/{app}"), marked=False, ready=True) for app in ("arm", "base")}
         self.servers = dict(SERVERS)
@@ -102,7 +102,7 @@ class World(Api):
         self.holds = Holds(self, self, self, self, lambda: self.at, self.wall)  # type: ignore[arg-type]
         robot = Robot(lambda *_: [1, "", 0], lambda _: [1, "", 0], lambda _: None, Silence, self.holds.watch)
         self.watch = StepWatch(self, self, robot, self, lambda _: None, lambda: self.at, self.sleep)  # type: ignore[arg-type]
-        self.door = Door(self.holds, self.watch.left_over, self.sleep)
+        self.door = Door(self.holds, self.watch.left_over, lambda since: since >= self.whole_since, self.sleep)
 
     # ---- time
 

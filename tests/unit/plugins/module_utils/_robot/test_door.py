@@ -11,6 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import door
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import AT_ONCE, UNTOLD
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.jobs import JOBS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import (
@@ -283,6 +284,31 @@ def test_questions_of_an_update_are_answered_to_whoever_asks(world: World, jobs:
     for name in ("graph", "ready", "hold"):
         assert post(world, name, {"master_uri": "http://elsewhere", "timeout": 1.0})[0] == 200
     assert jobs == [(name, {"master_uri": world.uri, "timeout": 1.0}) for name in ("graph", "ready", "hold")]
+
+
+@pytest.mark.parametrize("result", [{"verdict": "pass"}, {"graph": {}}])
+def test_a_master_that_was_begun_anew_is_asked_until_it_has_all_again(
+    world: World, monkeypatch: pytest.MonkeyPatch, result: dict[str, Any]
+) -> None:
+    """What it does not know yet would be taken for what has left."""
+    asked: list[float] = []
+    monkeypatch.setattr(door, "JOBS", {"ready": lambda _given: asked.append(world.at) or result})
+    world.whole_since = world.at + 3
+    assert post(world, "ready", {}) == (200, result)
+    assert asked[-1] >= world.whole_since > asked[-2]
+    world.whole_since = world.at + 60
+    found = post(world, "ready", {})[1]
+    assert (found["failed"], found["msg"].endswith(FORGETFUL)) == (True, True)
+    assert post(world, "ready", {"timeout": 1.0})[1]["failed"]
+    monkeypatch.setattr(door, "JOBS", {"ready": lambda _given: {"verdict": "wait"}})
+    assert post(world, "ready", {}) == (200, {"verdict": "wait"})
+
+
+def test_a_robot_whose_master_was_begun_anew_is_not_changed(world: World, may: Says) -> None:
+    world.whole_since = world.at + 60
+    assert may() == (75, f"not now: the ROS master: {FORGETFUL}")
+    world.whole_since = 0.0
+    assert may() == (0, "")
 
 
 CHANGES = [("register", {}), ("reap", {}), ("release", {"keeper_uri": "x"}), ("hold", {"keeper_uri": "x"})]

@@ -14,6 +14,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
     ANEW,
     END,
@@ -381,7 +382,7 @@ def test_nothing_is_proven_by_a_master_that_has_not_been_given_all_back(scene: S
     scene.whole_since = 30.0
     scene.gates.take(pod())
     *_, waits, proven = scene.api.conditions
-    assert waits == ("new", "False", f"not ready: master {scene.world.uri}: {readiness.FORGETFUL}")
+    assert waits == ("new", "False", f"not ready: master {scene.world.uri}: {FORGETFUL}")
     assert proven == ("new", "True", PROVEN + "c1")
     assert scene.at >= 30.0
 
