@@ -150,16 +150,17 @@ def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Objec
     yield _workload(name, spec, pod, _config(name, spec, pod, maps))
     if name not in ON_EVERY_HOST:
         port, open_port = PORTS[name], _open_ports(spec).get(name)
-        outside, at_host = {}, {}
+        opened, at_host = {}, {}
         if open_port is not None:  # under the callers' own addresses, which the list of allowed networks is about
-            outside, at_host = {"type": "NodePort", "externalTrafficPolicy": "Local"}, {"nodePort": open_port}
+            opened, at_host = {"type": "NodePort", "externalTrafficPolicy": "Local"}, {"nodePort": open_port}
         ports = [{"name": "http", "port": port, "targetPort": port, "protocol": "TCP", **at_host}]
-        body = {"type": "ClusterIP", "selector": pod_selector(name), "ports": ports, **outside}
+        body = {"type": "ClusterIP", "selector": pod_selector(name), "ports": ports, **opened}
         yield make("v1", "Service", name, spec=body)
-        if open_port is not None and spec["allowed_networks"]:
-            # pods of the cluster may reach it, too
-            sources = [{"namespaceSelector": {}}, *({"ipBlock": {"cidr": one}} for one in spec["allowed_networks"])]
-            rule = {"from": sources, "ports": [{"port": port, "protocol": "TCP"}]}
+        # Grafana alone asks for a password; what the others have, and take, is for parts of the stack
+        pods: Object = {"namespaceSelector": {}} if name == "grafana" else {"podSelector": {}}
+        outside = [{"ipBlock": {"cidr": one}} for one in spec["allowed_networks"]] if open_port is not None else []
+        if outside or name != "grafana":
+            rule = {"from": [pods, *outside], "ports": [{"port": port, "protocol": "TCP"}]}
             selector = {"matchLabels": {"rosops.fleet/app": name}}
             body = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [rule]}
             yield make("networking.k8s.io/v1", "NetworkPolicy", name, spec=body)

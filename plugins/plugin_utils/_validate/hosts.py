@@ -13,7 +13,7 @@ from .._model.machines import Version, version
 from .._model.role_specs import role_options
 from .._model.topology import EDGE_CLUSTER, Groups, edge_servers, members
 from .._objects.parts import images
-from .._observability.spec import ROBOT
+from .._observability.spec import HUB, ROBOT
 from .draft import Hosts, Inventory, Said
 
 SERVER_COUNTS = (1, 3)
@@ -131,6 +131,9 @@ def _observability(path: str, given: Said, alone: bool) -> Iterator[Problem]:
             yield Problem(f"{path}.observability_profile", "is 'robot' for a cluster of several hosts", allowed)
         elif not given.get("observability_hub_url"):
             yield Problem(f"{path}.observability_hub_url", "is missing", "the hub's address, such as http://192.0.2.10")
+    if given.get("observability_profile") == HUB and not given.get("observability_allowed_networks"):
+        wanted = "the robots' networks: a hub takes what these send, and asks for no password (0.0.0.0/0: everybody's)"
+        yield Problem(f"{path}.observability_allowed_networks", "is empty", wanted)
     store = quantity_value(str(given.get("observability_store_size", LEAST_STORE)))
     if store is not None and store < (quantity_value(LEAST_STORE) or 0):
         yield Problem(f"{path}.observability_store_size", "is too small for a queue", f"{LEAST_STORE} or more")
