@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import queue
 import socket
 import threading
 import time
@@ -18,6 +19,7 @@ from typing import Any, Callable, Iterable, Mapping
 from .._common.errors import RosError
 from .._ros import registrations
 from .._ros.backend import MasterState
+from .._ros.graph import host_of
 from .._ros.names import is_meant
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
@@ -66,6 +68,7 @@ class Keeper:
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
         self.whole_at: tuple[Any, ...] = ()  # the master that has all that was registered with the one before,
         self.whole_since = math.inf
+        self.ended: queue.SimpleQueue[str] = queue.SimpleQueue()  # addresses of pods
         self.complete = bool(self.memory.master and self.params) or not self.keeps
         self.away = ""
         self.state: MasterState | None = None
@@ -95,6 +98,16 @@ class Keeper:
         """The master's call, of the slave API."""
         self.changed = True
         return [1, "", 0]
+
+    def has_ended(self, address: str) -> None:
+        """The pod with this address of its own ends: there is nothing of it to give back. From any thread."""
+        self.ended.put(address)
+
+    def _forget_ended(self) -> None:
+        while not self.ended.empty():
+            address = self.ended.get()
+            for node in [node for node, entry in self.memory.nodes.items() if host_of(entry.uri) == address]:
+                self.memory.forget(node)
 
     def is_whole(self, since: float) -> bool:
         """Whether the master that answers now had, at that time by `now`, been given back what the one before had.
@@ -126,6 +139,7 @@ class Keeper:
     # ---- the look
 
     def _look(self) -> None:
+        self._forget_ended()
         began = self.now()
         rests = self.state is not None and began < self.due
         if rests and _identity(self.ros.calls(self._who)) == self.memory.master:  # nobody restarted it
@@ -222,6 +236,8 @@ class Keeper:
             return ()
         answers = self.ros.ask(need, ASK)
         if late:  # a process that came meanwhile has its name
+            self._forget_ended()
+            need = {node: entry for node, entry in need.items() if node in self.memory.nodes}
             self.present = self._without_us(self.ros.snapshot())
         calls = self.memory.settle(need, self.present, answers, restarted, late)
         if calls:

@@ -95,6 +95,7 @@ class Readiness:
     keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
     restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
     is_whole: Callable[[float], bool]  # `Keeper.is_whole`
+    has_ended: Callable[[str], object]  # `Keeper.has_ended`
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -269,6 +270,8 @@ class Readiness:
 
     def _end(self, pod: Object) -> None:
         """Its nodes leave the graph, and end: roscpp as process 1 of a container is deaf to SIGTERM."""
+        if not pod["spec"].get("hostNetwork"):
+            self.has_ended(address_of(pod))
         replaced = any(map(is_proven, self._others(pod)))
         for node in self._nodes([pod]):
             if not replaced:  # else that was done before the next one was said to be ready

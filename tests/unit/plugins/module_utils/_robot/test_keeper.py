@@ -375,6 +375,30 @@ def test_a_node_that_is_late_when_the_master_comes_back_is_no_node_that_left(ben
     assert len(bench.said) == said
 
 
+def test_a_pod_that_was_ended_meanwhile_gets_nothing_back(bench: Bench) -> None:
+    """Its address answers nobody, and its nodes would be looked for by those of the next version."""
+    bench.steps(2)
+    bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
+    bench.ros.restart()
+    bench.keeper.has_ended("l")
+    bench.step()
+    assert set(bench.registered()) == {"/talker"}
+    bench.ros.entries["/listener"] = LISTENER
+    bench.steps(2)
+    ask, bench.ros.verdicts["/talker"] = bench.ros.ask, Liveness(UNKNOWN, "no answer")
+
+    def ends_meanwhile(*given: Any, **options: Any) -> dict[str, Liveness]:
+        bench.keeper.has_ended("t")
+        return ask(*given, **options)
+
+    bench.ros.ask = ends_meanwhile  # type: ignore[method-assign]
+    bench.ros.restart()
+    bench.step()
+    assert set(bench.registered()) == {"/listener"}
+    bench.steps(20)
+    assert set(bench.registered()) == {"/listener"}
+
+
 def test_a_newer_process_of_a_late_nodes_name_keeps_it(bench: Bench) -> None:
     """The master would shut it down for the old address."""
     bench.steps(2)

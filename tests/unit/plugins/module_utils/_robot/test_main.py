@@ -57,7 +57,7 @@ def test_each_namespace_has_gates_of_its_own_and_a_whole_fleets_take_turns(tmp_p
         one, other = every.made("robot-r1"), every.made("robot-r2")
         api.stop()
         keeper.restarted_at = 7.0
-        assert one.is_whole == keeper.is_whole
+        assert (one.is_whole, one.has_ended) == (keeper.is_whole, keeper.has_ended)
         assert (one.namespace, other.namespace, one.ros.uri, one.restarted_at()) == (
             "robot-r1", "robot-r2", "http://master:11311", 7.0,
         )  # fmt: skip

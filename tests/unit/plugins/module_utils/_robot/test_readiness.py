@@ -153,6 +153,7 @@ class Scene:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
+        self.ended: list[str] = []  # addresses
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.places = {OWN: URI}  # all others are elsewhere
@@ -181,6 +182,7 @@ class Scene:
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
             lambda: self.restarted_at,
             lambda since: since >= self.whole_since,
+            self.ended.append,
             self.log.append,
             lambda: self.at,
             self.sleep,
@@ -324,6 +326,15 @@ def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene:
     scene.gates.take({**old, "metadata": {**old["metadata"], "deletionTimestamp": "T"}})
     steps = ["unregister", "forget", "shut_down"]
     assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
+
+
+@pytest.mark.parametrize(("on_host", "ended"), [(False, [ADDRESS]), (True, [])])
+def test_of_a_pod_that_ends_nothing_is_given_back(scene: Scene, on_host: bool, ended: list[str]) -> None:
+    """With its host's network the address is others', too."""
+    ends = pod(ends=True)
+    ends["spec"]["hostNetwork"] = on_host
+    scene.gates.take(ends)
+    assert scene.ended == ended
 
 
 def test_a_pod_that_ends_by_itself_leaves_the_graph(scene: Scene) -> None:
