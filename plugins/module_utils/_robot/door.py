@@ -38,6 +38,7 @@ JOBS_AT_ONCE, TURN = 8, 15.0  # and a job waits so many seconds for its turn,
 SHORTEST = 0.05  # seconds from one look of a job to the next
 LONGEST = 900.0  # and does not take longer than so many, whoever asks
 CHANGING = ("register", "reap", "release")  # jobs; one that holds goals says so by the address of a keeper
+MOMENTS, MOMENT = 3, 1.0  # looks, and seconds between them, at whether a master has all
 GIVEN_BACK = 15.0  # seconds for which what is asked of a master that was begun anew is asked once more
 UNTOLD = "nobody has told the keeper when it may be changed: run rosops.fleet.update once"
 
@@ -138,11 +139,13 @@ class Door:
         while True:
             began = self.holds.now()
             found = JOBS[name](arguments)
-            if name in CHANGING or found.get("verdict", PASS) != PASS or self.is_whole(began):
+            if name in CHANGING or found.get("verdict", PASS) != PASS:
+                return found
+            # one that is only busy for a moment is the same as before
+            if any(self.is_whole(began) or self.sleep(MOMENT) for _look in range(MOMENTS)):
                 return found
             if began >= over:
                 raise RosError(f"the ROS master at {self.ros.uri}: {FORGETFUL}")
-            self.sleep(INTERVAL)
 
     def _permit(self, namespace: str, holder: str) -> None:
         now = holder_of(self.cluster.lease(namespace, newest=True))

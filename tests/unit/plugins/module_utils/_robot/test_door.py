@@ -304,6 +304,17 @@ def test_a_master_that_was_begun_anew_is_asked_until_it_has_all_again(
     assert post(world, "ready", {}) == (200, {"verdict": "wait"})
 
 
+def test_a_master_that_is_busy_for_a_moment_is_not_asked_all_once_more(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = iter([False, False, True])
+    monkeypatch.setattr(world.door, "is_whole", lambda _since: next(looks))
+    monkeypatch.setattr(door, "JOBS", {"ready": lambda _given: {"verdict": "pass", "at": world.at}})
+    asked = world.at
+    assert post(world, "ready", {}) == (200, {"verdict": "pass", "at": asked})
+    assert world.at == asked + 2 * door.MOMENT
+
+
 def test_a_robot_whose_master_was_begun_anew_is_not_changed(world: World, may: Says) -> None:
     world.whole_since = world.at + 60
     assert may() == (75, f"not now: the ROS master: {FORGETFUL}")
