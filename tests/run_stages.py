@@ -49,7 +49,7 @@ LOGS = CHECKOUT / "reports" / "stages"
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # pytest's, also where another tool prints it within its own lines
 REASON = re.compile(r"\b(FAILED|ERROR) \S+::|\bE   ")
-CONTINUED = re.compile(r"\s*│ {6,}[^\s-]")  # of a long line, as molecule shows what Ansible wraps
+CONTINUED = re.compile(r"\s*│?\s{6,}[^\s-]")  # of a long line, as molecule shows what Ansible wraps
 WHY = 20  # lines of each stage: those of four stages still fit into the end that is at hand
 
 

@@ -163,11 +163,13 @@ E   assert 1 == 2
 \x1b[31m  │     - 'E       AssertionError: as Molecule prints\x1b[0m
   │       what Ansible wraps'
   │     - nothing of it
+    - 'E       and where it draws no line
+        to its end'
 FAILED tests/update/test_1.py::test_it[case] - assert 1 == 2
   | - FAILED tests/update/test_1.py::test_other - AssertionError
 make: *** [molecule-update] Error 2"""
     lines = [line.replace("\x1b[31m", "").replace("\x1b[0m", "") for line in output.splitlines()]
-    assert run_stages.reasons(output) == tuple(lines[2:5] + lines[6:8])
+    assert run_stages.reasons(output) == tuple(lines[2:5] + lines[6:10])
 
 
 @pytest.mark.parametrize(
