@@ -16,12 +16,15 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import ansible_collections
 import yaml
 from packaging.requirements import Requirement
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-COLLECTIONS = Path(next(iter(ansible_collections.__path__)))
+sys.path.insert(0, str(CHECKOUT / ".ansible" / "collections"))
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options  # noqa: E402
+
+COLLECTIONS = Path(str(metadata.distribution("ansible").locate_file("ansible_collections")))
 # ansible-core and its own requirements
 CORE = ("ansible-core", "cryptography", "Jinja2", "packaging", "PyYAML", "resolvelib")
 
@@ -40,19 +43,12 @@ def components(galaxy: Mapping[str, Any]) -> Iterator[Component]:
     required = (CHECKOUT / "meta" / "ee-requirements.txt").read_text("utf-8").splitlines()
     for name in (*CORE, *(Requirement(line).name for line in required if line)):
         yield component("library", f"pkg:pypi/{name.lower()}", name, metadata.version(name))
-    defaults = {role: options(role) for role in ("k3s", "observability", "ros_master")}
+    defaults = {role: role_options(role) for role in ("k3s", "observability", "ros_master")}
     yield component("platform", "pkg:generic/k3s", "k3s", defaults["k3s"]["k3s_version"]["default"])
     images = {option["default"] for option in defaults["observability"]["observability_images"]["options"].values()}
     for image in sorted({*images, defaults["ros_master"]["ros_master_image"]["default"]}):
         name, _, tag = image.rpartition(":")
         yield component("container", f"pkg:docker/{name}", name, tag)
-
-
-def options(role: str) -> dict[str, Any]:
-    """A role's variables, as its argument spec has them."""
-    text = (CHECKOUT / "roles" / role / "meta" / "argument_specs.yml").read_text("utf-8")
-    found: dict[str, Any] = yaml.safe_load(text)["argument_specs"]["main"]["options"]
-    return found
 
 
 def bill() -> dict[str, Any]:
