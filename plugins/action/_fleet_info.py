@@ -6,6 +6,8 @@ is none is what that task says of the cluster.
 
 `volumes` and `images` name the variables in which every host has the registered result of a task: what `du -sb` printed
 of the directories of its volumes, and what `k3s crictl images -o json` did.
+
+`graphs` of the result are the ROS graphs to read, and `read` what keepers have read of them.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ class ActionModule(ClusterAction):
 
         now = time.time()
         # whoever looks wants to see it now, and can look again
-        answers = look.ask({name: partial(self.opened, *way_to(host), patience=0) for name, host in asked.items()})
+        opened = {name: partial(self.opened, *way_to(host), patience=0) for name, host in asked.items()}
+        answers = look.ask(opened)
         for name in answers.keys() & fleet.robots.keys():
             answers[name] = look.believed(answers[name], name, now)
         mute = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
@@ -70,7 +73,7 @@ class ActionModule(ClusterAction):
         problems = (*look.cluster_problems(mute, hosts), *look.unmeasured(results), *old)
         status = replace(found, hosts=tuple(host.row for host in hosts), problems=problems)
         seen = look.Look(status, look.graphs_to_read(hosts, services, found.apps), fleet.name)
-        return {"changed": False, **plain(seen)}
+        return {"changed": False, **plain(seen), "read": look.read_by_keepers(seen.graphs, hosts, opened)}
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:

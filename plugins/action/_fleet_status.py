@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """For the playbook status: what was read of the fleet as text on the screen and as a page for the browser.
 
-`fleet` is what `_fleet_info` returned, `graphs` names the variable in which each robot has what `ros_graph_info` did.
+`fleet` is what `_fleet_info` returned. Where no keeper has read a robot's graph, `graphs` names the variable in which the
+robot has what `ros_graph_info` returned.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class ActionModule(FleetAction):
 
     def work(self, params: Arguments, known: Variables) -> Result:
         look = read(Look, params["fleet"])
-        results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
+        own = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
+        results = {**own, **params["fleet"]["read"]}
         graphs, wrong = readings(results, look.graphs)
         status = status_of(look.status, graphs, [*wrong, *graph_problems(results, look.graphs)])
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

@@ -9,13 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
 from ...module_utils._common.errors import FleetError, KubeError
 from ...module_utils._step.objects import Object, labels_of, name_of
 from .._kube.client import Kube
+from .._kube.door import KeeperDoor
 from .._kube.pods import meta
 from .._kube.running import outdated
 from .._model import names
@@ -45,6 +46,8 @@ KINDS = {
 }
 MAPS = {REF.name: REF.namespace, EVENTS_NAME: ""}  # ConfigMaps, and where; all of them together are megabytes
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
+# how graphs are read; nobody's camera begins to encode because somebody looks. The same as in playbooks/status.yml
+RATES = {"rates": True, "rate_source": "counters", "rate_seconds": 4.0}
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
 _USAGE = re.compile(r"(\d{1,18})\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)", re.ASCII)
 
@@ -224,6 +227,37 @@ def graphs_to_read(
             rates = promised_rates((one for one in hosts if one.graph == host.graph), apps)
             found[host.row.name] = Asked(host.graph, uri, tuple(sorted(pods)), rates)
     return found
+
+
+def read_by_keepers(
+    graphs: Mapping[str, Asked], hosts: Sequence[Member], opened: Mapping[str, Callable[[], Kube]]
+) -> dict[str, Result]:
+    """What their keepers say of these graphs, as results of ros_graph_info, by robot.
+
+    All at once, through the API servers of the robots' clusters. One that is not answered is left out: it is for the
+    robot's own host.
+    """
+    found: dict[str, Result] = {}
+    ours = {host.row.name: (host.robot, host.row.cluster) for host in hosts if host.robot and host.row.name in graphs}
+    with ThreadPoolExecutor(max(len(ours), 1)) as pool, ExitStack() as open_ones:
+        kubes = {}
+        for cluster in {cluster for _robot, cluster in ours.values()}:
+            with suppress(FleetError):
+                kubes[cluster] = open_ones.enter_context(opened[cluster]())
+        running = {
+            name: pool.submit(_read_by_keeper, kubes[cluster], robot, graphs[name])
+            for name, (robot, cluster) in ours.items()
+            if cluster in kubes
+        }
+        for name, one in running.items():
+            with suppress(KubeError):
+                found[name] = one.result()
+    return found
+
+
+def _read_by_keeper(kube: Kube, robot: Robot, asked: Asked) -> Result:
+    door = KeeperDoor(kube, master_namespace(robot), robot.namespace, "")
+    return dict(door.job("graph", {**RATES, "launch_hosts": list(asked.addresses)}))
 
 
 def promised_rates(hosts: Iterable[Member], apps: Iterable[Workload]) -> dict[str, Promise]:

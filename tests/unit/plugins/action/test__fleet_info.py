@@ -25,6 +25,7 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
         return {cluster: answers[cluster] for cluster in kubeconfigs}
 
     monkeypatch.setattr(_fleet_info.look, "ask", ask)
+    monkeypatch.setattr(_fleet_info.look, "read_by_keepers", lambda graphs, *_rest: {robot: {} for robot in graphs})
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
@@ -41,7 +42,7 @@ def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> 
     assert {row["name"]: row["reachable"] for row in found["hosts"]} == reachable
     assert [row["name"] for row in found["nodes"]] == ["robot1"]
     own = {"robot": "robot1", "master_uri": "http://10.43.0.1:11311", "addresses": [], "promised": {}}
-    assert found["graphs"] == {"robot1": own}
+    assert (found["graphs"], found["read"]) == ({"robot1": own}, {"robot1": {}})
 
 
 def test_claims_have_their_use(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import r
 HOST = {"name": "robot1", "group": "robots", "cluster": "edge", "reachable": True}
 PROBLEM = {"where": "cluster edge", "what": "does not answer: no answer within 60 s"}
 ASKED = {"robot": "(shared)", "master_uri": "http://10.43.0.1:11311"}
-FLEET = {"status": {"hosts": [HOST], "problems": [PROBLEM]}, "graphs": {"robot1": ASKED}}
+FLEET = {"status": {"hosts": [HOST], "problems": [PROBLEM]}, "graphs": {"robot1": ASKED}, "read": {}}
 GRAPH = {"nodes": {"/sensor": {"pid": 1}}, "topics": {"/t": {"type": "a/B", "rate": 10.0}}}
 
 
@@ -27,6 +27,11 @@ def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def show(page: Path | str, result: dict[str, Any], check_mode: bool = False, **more: Any) -> dict[str, Any]:
     args = {"fleet": FLEET, "graphs": "graph", "page": str(page)}
     return run(_fleet_status, args, {"hostvars": {"robot1": {"graph": result}}, **more}, check_mode)
+
+
+def test_what_the_keeper_has_read_is_shown(said: list[str]) -> None:
+    args = {"fleet": {**FLEET, "read": {"robot1": {"graph": GRAPH}}}, "graphs": "graph", "page": ""}
+    assert "ROS graph of robot1" not in run(_fleet_status, args, {"hostvars": {"robot1": {}}})["text"]
 
 
 def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:

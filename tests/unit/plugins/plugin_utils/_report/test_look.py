@@ -7,10 +7,12 @@ import json
 import threading
 from collections.abc import Callable
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report import look
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
@@ -229,6 +231,24 @@ def test_one_that_never_answers_is_given_up() -> None:
     assert list(answers["b"].objects) == EVERYTHING
 
 
+class Keepers:
+    """An API server behind which these keepers answer, by their namespace."""
+
+    def __init__(self, answers: dict[str, bytes]) -> None:
+        self.answers, self.asked = answers, list[Any]()
+
+    def __enter__(self) -> Keepers:
+        return self
+
+    def __exit__(self, *_error: object) -> None: ...
+
+    def request(self, _method: str, path: str, query: Any, body: Any, *_rest: Any) -> Any:
+        self.asked.append((path.rpartition("/")[2], body))
+        if (answer := self.answers.get(query["namespace"])) is None:
+            raise ApiError("no endpoints available", 503)
+        return SimpleNamespace(read=lambda most: answer[:most])
+
+
 # ---- hosts
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
@@ -312,6 +332,20 @@ EVERYBODYS = ("(shared)", "http://10.43.0.9:11311", ("10.42.0.7", "10.42.0.9"))
 def test_who_reads_whose_graph(hosts: list[look.Member], services: Any, read: dict[str, Any]) -> None:
     """A shared master's is read by the first robot that answers."""
     assert look.graphs_to_read(hosts, services, THERE) == {host: look.Asked(*asked) for host, asked in read.items()}
+
+
+def test_keepers_read_what_they_can_and_the_rest_is_left_for_the_hosts() -> None:
+    """Of each robot in its own cluster; a cluster or a keeper that does not answer keeps nobody from the others."""
+    hosts = found()
+    graphs = {name: look.Asked(name, "http://10.43.0.1:11311", ("10.42.0.7",)) for name in ("robot1", "robot2", "lone")}
+    keepers = Keepers({"robot-robot1": b'{"graph": {}}', "robot-lone": b'{"failed": true, "msg": "no master"}'})
+    read = look.read_by_keepers(graphs, hosts, dict.fromkeys(("edge", "lone"), lambda: keepers))
+    assert read == {"robot1": {"graph": {}}, "lone": {"failed": True, "msg": "no master"}}
+    wanted = {"rates": True, "rate_source": "counters", "rate_seconds": 4.0, "launch_hosts": ["10.42.0.7"]}
+    assert keepers.asked == [("graph", wanted)] * 3
+    assert look.read_by_keepers(graphs, hosts, {"edge": opened("none"), "lone": lambda: keepers}) == {
+        "lone": {"failed": True, "msg": "no master"}
+    }
 
 
 def test_what_volumes_hold() -> None:
