@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """For the playbook status: what was read of the fleet as text on the screen and as a page for the browser.
 
-`fleet` is what `_fleet_info` returned. Where no keeper has read a robot's graph, `graphs` names the variable in which the
-robot has what `ros_graph_info` returned.
+`fleet` is what `_fleet_info` returned. Where no keeper has read a robot's graph, `graphs` names the variable in which
+the robot has what `ros_graph_info` returned.
 """
 
 from __future__ import annotations

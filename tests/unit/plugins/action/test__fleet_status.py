@@ -31,7 +31,8 @@ def show(page: Path | str, result: dict[str, Any], check_mode: bool = False, **m
 
 def test_what_the_keeper_has_read_is_shown(said: list[str]) -> None:
     args = {"fleet": {**FLEET, "read": {"robot1": {"graph": GRAPH}}}, "graphs": "graph", "page": ""}
-    assert "ROS graph of robot1" not in run(_fleet_status, args, {"hostvars": {"robot1": {}}})["text"]
+    found = run(_fleet_status, args, {"hostvars": {"robot1": {}}})
+    assert said == [f"\n{found['text']}"] and "ROS graph of robot1" not in found["text"]
 
 
 def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
