@@ -73,7 +73,8 @@ class ActionModule(ClusterAction):
         problems = (*look.cluster_problems(mute, hosts), *look.unmeasured(results), *old)
         status = replace(found, hosts=tuple(host.row for host in hosts), problems=problems)
         seen = look.Look(status, look.graphs_to_read(hosts, services, found.apps), fleet.name)
-        return {"changed": False, **plain(seen), "read": look.read_by_keepers(seen.graphs, hosts, opened)}
+        result = {"changed": False, **plain(seen), "read": look.read_by_keepers(seen.graphs, hosts, opened)}
+        return {**result, "_ansible_verbose_override": True}  # -v has tables of it, not thousands of lines of JSON
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:
