@@ -39,9 +39,9 @@ def wait_for_new_goal(fleet: Fleet, robot: str) -> None:
 
 @pytest.mark.promise("a busy robot finishes first, and holds up no other")
 def test_busy_robot_is_waited_for(fleet: Fleet) -> None:
-    """Its goals take 20 to 40 seconds. The other robot is updated in the same run and not held up."""
+    """Its goals take 15 to 30 seconds. The other robot is updated in the same run and not held up."""
     normal = fleet.variables
-    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 0.8}), *LIMIT).must(0)
+    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 0.6}), *LIMIT).must(0)
     wanted = fleet.new_version("robot2", "temperature", on=fleet.new_version("robot1", "prime-factors", on=normal))
     watch = fleet.watch()
     wait_for_new_goal(fleet, "robot1")

@@ -11,11 +11,11 @@ SITE = ("--tags", "apps,ready", *LIMIT)
 
 @pytest.mark.promise("site.yml changes a robot at work through the same gate, and one run at a time may")
 def test_second_run_is_told_who_is_there(fleet: Fleet) -> None:
-    """The first one is at it for most of a minute: its version never gets ready, and is taken back. Then a good one."""
+    """The first one is at it for half a minute: its version never gets ready, and is taken back. Then a good one."""
     before = fleet.running()
     watch = fleet.watch()
     bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
-    running = fleet.playbooks.start("site", {**bad, "update_ready_timeout": 45}, "-v", *SITE)
+    running = fleet.playbooks.start("site", {**bad, "update_ready_timeout": 30}, "-v", *SITE)
     running.wait_for(r"^\[robot1\] temperature: rollout")
     run = fleet.update(fleet.new_version("robot1", "add-two-ints"), *LIMIT).must(2, robot1="deferred-busy")
     assert "process" in run.host("robot1")["reason"], run
