@@ -28,6 +28,12 @@ _PASSWORD_IN_TEXT = re.compile(
     r"(?:(?:://[^\s/:@]*|(?:^|[\s\"'=])[\w.-]+):(?=[^\s/@]+@(?!sha\d))|" + _OPTION + r"[= ])"
     r"([^\s/@\"']+)"
 )
+# A line of a file of settings, to its end: `mqtt.password = x`, `export DB_PASSWORD=x`, `"psk": "x",`.
+_LINE = re.compile(
+    r"(?im)^[ \t]*(?:export[ \t]+)?[\"']?[\w./~-]*"
+    r"(?:passw(?:or)?d|passphrase|token|secret|psk|(?:api|access|private|secret)_?key)[\"']?[ \t]*[=:][ \t]*"
+    r"[\"']?(?!(?:true|false|yes|no|on|off|null|none)\b)([^\s\"'][^\n]*)"
+)
 
 
 def secrets_in(value: Any) -> Iterator[str]:
@@ -50,6 +56,7 @@ def secrets_in(value: Any) -> Iterator[str]:
     elif isinstance(value, str):
         yield from _PASSWORD_IN_TEXT.findall(value)
         yield from _HEADER.findall(value)
+        yield from (found.rstrip(" \t\r,\"'") for found in _LINE.findall(value))
         if value[:1] in ("{", "["):
             try:
                 yield from secrets_in(json_of(value))
