@@ -129,9 +129,7 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 		logf("info", "k3s agent is up and running")
 	}
 	go runRoutes(ctx, c, kube)
-	if !c.cluster.DisableNPC {
-		go runNetworkPolicies(ctx, c, kube)
-	}
+	go runNetworkPolicies(ctx, c, kube)
 	go runVolumes(ctx, c, kube)
 	if lb != nil {
 		go followServers(ctx, kube, lb)
@@ -180,9 +178,6 @@ func tryJoin(ctx context.Context, c *config, supervisor string, t token, passwor
 		if err := j.sign(ctx, "/v1-k3s/"+signed+".crt", agent(signed), c.NodeName, password, c.NodeIP); err != nil {
 			return err
 		}
-	}
-	if err := j.getJSON(ctx, "/v1-k3s/config", &c.cluster); err != nil {
-		return err
 	}
 	clientCA, err := j.get(ctx, "/v1-k3s/client-ca.crt")
 	if err != nil {

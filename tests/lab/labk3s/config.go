@@ -19,21 +19,20 @@ import (
 // of config.yaml are those that the roles and the tests give; every other one
 // of k3s's is an error that names it.
 type config struct {
-	TokenFile            string   `json:"token-file"`
-	AgentTokenFile       string   `json:"agent-token-file"`
-	ServerURL            string   `json:"server"`
-	ClusterInit          bool     `json:"cluster-init"`
-	NodeName             string   `json:"node-name"`
-	NodeIP               string   `json:"node-ip"`
-	TLSSANs              []string `json:"tls-san"`
-	KubeconfigMode       string   `json:"write-kubeconfig-mode"`
-	Disable              []string `json:"disable"`
-	KubeletArgs          []string `json:"kubelet-arg"`
-	APIServerArgs        []string `json:"kube-apiserver-arg"`
-	ControllerArgs       []string `json:"kube-controller-manager-arg"`
-	ProtectKernel        bool     `json:"protect-kernel-defaults"`
-	SecretsEncryption    bool     `json:"secrets-encryption"`
-	DisableNetworkPolicy bool     `json:"disable-network-policy"`
+	TokenFile         string   `json:"token-file"`
+	AgentTokenFile    string   `json:"agent-token-file"`
+	ServerURL         string   `json:"server"`
+	ClusterInit       bool     `json:"cluster-init"`
+	NodeName          string   `json:"node-name"`
+	NodeIP            string   `json:"node-ip"`
+	TLSSANs           []string `json:"tls-san"`
+	KubeconfigMode    string   `json:"write-kubeconfig-mode"`
+	Disable           []string `json:"disable"`
+	KubeletArgs       []string `json:"kubelet-arg"`
+	APIServerArgs     []string `json:"kube-apiserver-arg"`
+	ControllerArgs    []string `json:"kube-controller-manager-arg"`
+	ProtectKernel     bool     `json:"protect-kernel-defaults"`
+	SecretsEncryption bool     `json:"secrets-encryption"`
 
 	server         bool
 	dataDir        dataDir
@@ -42,12 +41,6 @@ type config struct {
 	token          string // as given: short or K10 form
 	agentToken     string
 	kubeconfigMode os.FileMode
-	cluster        clusterConfig // once an agent has joined
-}
-
-// clusterConfig is what servers tell the agents, under k3s's own name.
-type clusterConfig struct {
-	DisableNPC bool
 }
 
 // loadConfig reads the file and, of a server, the flags of a cluster's reset.
@@ -109,8 +102,6 @@ func (c *config) check() (err error) {
 		return fmt.Errorf("node-ip: %q is not one address", c.NodeIP)
 	case !c.server && c.ServerURL == "":
 		return errors.New("--server is required")
-	case !c.server && c.DisableNetworkPolicy:
-		return errors.New("disable-network-policy: an agent does as its server was told to")
 	case !c.server && (c.SecretsEncryption || len(c.APIServerArgs)+len(c.ControllerArgs) > 0):
 		return errors.New("secrets-encryption, kube-apiserver-arg and kube-controller-manager-arg are for servers")
 	case c.ServerURL != "" && c.token == "":
