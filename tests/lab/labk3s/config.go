@@ -8,7 +8,6 @@ import (
 	"net"
 	"os"
 	"slices"
-	"strconv"
 	"strings"
 
 	utilnet "k8s.io/apimachinery/pkg/util/net"
@@ -34,13 +33,12 @@ type config struct {
 	ProtectKernel     bool     `json:"protect-kernel-defaults"`
 	SecretsEncryption bool     `json:"secrets-encryption"`
 
-	server         bool
-	dataDir        dataDir
-	clusterReset   bool
-	resetRestore   string
-	token          string // as given: short or K10 form
-	agentToken     string
-	kubeconfigMode os.FileMode
+	server       bool
+	dataDir      dataDir
+	clusterReset bool
+	resetRestore string
+	token        string // as given: short or K10 form
+	agentToken   string
 }
 
 // loadConfig reads the file and, of a server, the flags of a cluster's reset.
@@ -82,11 +80,6 @@ func (c *config) check() (err error) {
 	if c.agentToken, err = secretFile("agent-token", c.AgentTokenFile); err != nil {
 		return err
 	}
-	mode, err := strconv.ParseUint(c.KubeconfigMode, 8, 32)
-	if err != nil || mode > 0o777 {
-		return fmt.Errorf("write-kubeconfig-mode: %q is not a file mode", c.KubeconfigMode)
-	}
-	c.kubeconfigMode = os.FileMode(mode)
 	if c.NodeIP == "" {
 		ip, err := utilnet.ChooseHostInterface() // as k3s does
 		if err != nil {
@@ -96,6 +89,8 @@ func (c *config) check() (err error) {
 	}
 	c.ServerURL = strings.TrimRight(c.ServerURL, "/")
 	switch {
+	case c.KubeconfigMode != "0600":
+		return fmt.Errorf("write-kubeconfig-mode: labk3s lacks the value %q", c.KubeconfigMode)
 	case c.NodeName == "":
 		return errors.New("node-name is required")
 	case net.ParseIP(c.NodeIP) == nil:

@@ -19,13 +19,13 @@ func load(t *testing.T, server bool, text string, args ...string) (*config, erro
 }
 
 func TestConfig(t *testing.T) {
-	c, err := load(t, true, "write-kubeconfig-mode: \"0640\"\ntls-san: [a]\ndisable: [traefik]\ncluster-init: true\n"+
+	c, err := load(t, true, "tls-san: [a]\ndisable: [traefik]\ncluster-init: true\n"+
 		"secrets-encryption: true\nprotect-kernel-defaults: true\nkube-apiserver-arg: [audit-log-maxage=30]\nkube-controller-manager-arg: [terminated-pod-gc-threshold=100]\n",
 		"--cluster-reset", "--cluster-reset-restore-path=/x")
 	if err != nil {
 		t.Fatal(err)
 	}
-	if c.kubeconfigMode != 0o640 || !slices.Equal(c.TLSSANs, []string{"a"}) || !c.ClusterInit || c.resetRestore != "/x" {
+	if !slices.Equal(c.TLSSANs, []string{"a"}) || !c.ClusterInit || c.resetRestore != "/x" {
 		t.Errorf("got %+v", c)
 	}
 	if !c.SecretsEncryption || kubeletConfig(c)["protectKernelDefaults"] != true {
@@ -46,7 +46,7 @@ func TestConfigRefusals(t *testing.T) {
 		{true, "frobnicate: 1", "", `unknown field "frobnicate"`},
 		{true, "", "--docker", "not defined: -docker"},
 		{true, "disable: [nothing]", "", `labk3s lacks the value "nothing"`},
-		{true, "write-kubeconfig-mode: rw", "", "not a file mode"},
+		{true, "write-kubeconfig-mode: rw", "", `labk3s lacks the value "rw"`},
 		{true, "token-file: /nonexistent", "", "token-file"},
 		{true, "token-file: /dev/null", "", "is empty"},
 		{true, "", "--cluster-reset", "lacks --cluster-reset without"},

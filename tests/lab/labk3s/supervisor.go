@@ -334,10 +334,6 @@ func (s *supervisor) serveCA(name string) http.HandlerFunc {
 // serveAPIServers lists where the API can be reached, for the agents' load
 // balancers.
 func (s *supervisor) serveAPIServers(w http.ResponseWriter, r *http.Request) {
-	if !s.apiReady.Load() {
-		writeJSON(w, []string{net.JoinHostPort(s.config.NodeIP, apiPort)})
-		return
-	}
 	servers, err := apiServers(r.Context(), s.kube)
 	if err != nil {
 		http.Error(w, err.Error(), http.StatusServiceUnavailable)
