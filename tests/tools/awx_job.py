@@ -49,15 +49,12 @@ class Template:
     playbook: str  # of the collection
     inventory: Mapping[str, Any]  # as `ansible-inventory --list --export` says it
     variables: Mapping[str, Any] = field(default_factory=dict)  # a survey's answers
-    own: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # the template's own, which may hold templates and keep their types
+    # the template's own, which may hold templates and keep their types
+    own: Mapping[str, Any] = field(default_factory=dict)
     limit: str = ""
     tags: str = ""
-    check: bool = False
     verbosity: int = 0
     credential: Mapping[str, str] = field(default_factory=dict)  # what it sets in the environment
-    timeout: int = 0
     name: str = "update"
 
 
@@ -65,7 +62,7 @@ class Template:
 class Ended:
     """A job that has ended."""
 
-    status: str  # successful, failed, canceled, timeout
+    status: str  # successful, failed, canceled, timeout (of its silence)
     code: int
     output: str
     artifacts: Mapping[str, Any]
@@ -137,7 +134,7 @@ class Job:
         answers = "".join(f"{name}: {_unsafe(value)}\n" for name, value in template.variables.items())
         (self.folder / "env" / "extravars").write_text(yaml.safe_dump({**meta, **template.own}) + answers)
         (self.folder / "env" / "credential").write_text("---\n{}\n")
-        self._write("env/settings", {"idle_timeout": IDLE, "job_timeout": template.timeout, "pexpect_timeout": 1})
+        self._write("env/settings", {"idle_timeout": IDLE, "pexpect_timeout": 1})
 
     def _write(self, name: str, data: Mapping[str, Any]) -> None:
         (self.folder / name).write_text(json.dumps(data))
@@ -147,7 +144,6 @@ class Job:
         words = ["-u robot", "--become", "--become-method sudo", f"-e @{self.folder / 'env' / 'credential'}"]
         words += [f"--limit {template.limit}"] if template.limit else []
         words += [f"-t {template.tags}"] if template.tags else []
-        words += ["--check", "--diff"] if template.check else []
         words += [f"-{'v' * template.verbosity}"] if template.verbosity else []
         return " ".join(words)
 
@@ -220,12 +216,6 @@ def shuffled(inventory: Mapping[str, Any]) -> dict[str, Any]:
     return dict(found)
 
 
-def _unsafe(value: Any) -> str:
-    """A value as AWX writes it: no text is a template."""
-    if isinstance(value, str):
-        return f"!unsafe {json.dumps(value)}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_unsafe, value))}]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)}: {_unsafe(item)}" for key, item in value.items()) + "}"
-    return json.dumps(value)
+def _unsafe(value: object) -> str:
+    """An answer as AWX writes it: no text is a template. A survey here has neither lists nor mappings."""
+    return f"!unsafe {json.dumps(value)}" if isinstance(value, str) else json.dumps(value)

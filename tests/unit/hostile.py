@@ -7,6 +7,7 @@ Every value is one that was good, with one or some of its parts made to do harm,
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import random
@@ -142,17 +143,11 @@ def within(key: str, *more: str) -> Made:
     """An object of which one text is JSON of somebody."""
 
     def spoil(dice: random.Random, value: Any) -> Any:
-        place = value
+        made = place = copy.deepcopy(value)
         for step in more:
             place = place[step]
-        told = json_text(dice, json.loads(place[key])) if dice.random() < 0.95 else harm(dice)
-        inner: Any = {**place, key: told}
-        for number in range(len(more) - 1, -1, -1):
-            outer = value
-            for step in more[:number]:
-                outer = outer[step]
-            inner = {**outer, more[number]: inner}
-        return inner
+        place[key] = json_text(dice, json.loads(place[key])) if dice.random() < 0.95 else harm(dice)
+        return made
 
     return spoil
 

@@ -164,13 +164,13 @@ class Watch:
             assert losses.goals > 0 or not goals, f"{robot}: {losses}"
         return found
 
-    def assert_only_lookups_failed(self, *robots: str, within: str = "") -> None:
+    def assert_only_lookups_failed(self, *robots: str) -> None:
         """No message and no goal was lost.
 
         A client that looks its service up for every request, as this one does, has nobody to ask while there is no
         master, or no way to it.
         """
-        for losses in self.losses(*robots, within=within).values():
+        for losses in self.losses(*robots).values():
             assert (losses.lost, losses.unsuccessful, losses.twice) == (0, [], []), losses
             assert {
                 error for error in losses.failed if "master" not in error and "unavailable" not in error

@@ -43,7 +43,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == files[0]["content"]
     assert fleet.cluster.execute("robot1", pod.name, "sh", "-c", "command -v python3 || echo none") == "none\n"
     assert fleet.cluster.behind("robot1", "temperature") == {"debug:9000": [pod.name]}
-    assert own_parameters(fleet, "temperature") == {f"temperature_{pod.version}": {"limits": {"most": 40, "on": True}}}
+    assert own_parameters(fleet) == {f"temperature_{pod.version}": {"limits": {"most": 40, "on": True}}}
 
     # from one sidecar to the next, with a file and a parameter that say something else
     said = {"files": [{**files[0], "content": "most: 50\n"}], "params": {"limits": {"most": 50}}}
@@ -54,7 +54,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == "most: 50\n"
     assert fleet.cluster.behind("robot1", "temperature") == {"debug:9000": [pod.name]}
     proven = {f"temperature_{pod.version}": {"limits": {"most": 50, "on": True}}}  # mappings are merged by the fleet
-    assert own_parameters(fleet, "temperature") == proven
+    assert own_parameters(fleet) == proven
     watch.assert_nothing_lost("robot1")
 
     # a version that must not stay is known by what its sidecar says
@@ -63,7 +63,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     run = fleet.update({**bad, **IMAGES}, *LIMIT, update_ready_timeout=20)
     assert run.outcomes["robot1"] == "rolled-back", run
     assert re.search(r"rate /temperature: 2[0-5]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
-    assert own_parameters(fleet, "temperature") == proven
+    assert own_parameters(fleet) == proven
     watch.assert_nothing_lost("robot1")
 
 
@@ -91,8 +91,8 @@ def test_an_action_server_with_its_hooks_beside_it(fleet: Fleet) -> None:
     watch.assert_nothing_lost("robot1")
 
 
-def own_parameters(fleet: Fleet, node: str) -> dict[str, Any]:
-    """Name of the node's version -> its private parameters."""
+def own_parameters(fleet: Fleet) -> dict[str, Any]:
+    """Name of the sensor's version -> its private parameters."""
     (asked,) = fleet.pods()["robot1"]["add-two-ints"]
     known = fleet.cluster.parameters("robot1", asked.name)
-    return {name: value for name, value in known.items() if re.fullmatch(rf"{node}(_[0-9a-f]{{8}}_\w+)?", name)}
+    return {name: value for name, value in known.items() if re.fullmatch(r"temperature(_[0-9a-f]{8}_\w+)?", name)}

@@ -58,9 +58,9 @@ class Loot:
         pool = urllib3.PoolManager(ca_certs=self.authority, cert_file=certificate, key_file=key)
         return self._ask(pool, method, path, body, headers)
 
-    def by_token(self, token: str, method: str, path: str) -> tuple[int, str]:
+    def by_token(self, token: str, path: str) -> tuple[int, str]:
         pool = urllib3.PoolManager(ca_certs=self.authority)
-        return self._ask(pool, method, path, None, {"Authorization": f"Bearer {token}"})
+        return self._ask(pool, "GET", path, None, {"Authorization": f"Bearer {token}"})
 
     def certificate_again(self) -> tuple[int, str]:
         """What an agent asks k3s for when it starts; the request itself is no good, which is looked at last."""
@@ -136,8 +136,8 @@ def tries(loot: Loot) -> dict[str, tuple[Callable[[], tuple[int, str]], int, str
         "the code of its pods": (lambda: loot.by_certificate("GET", f"{here}/configmaps/{CODE}"), 403, ""),
         "its Node": (lambda: loot.by_certificate("GET", node), 404, ""),
         "a certificate": (loot.certificate_again, 401, ""),
-        "to join by its token": (lambda: loot.by_token(joins, "GET", "/v1-k3s/client-ca.crt"), 401, ""),
-        "its keeper's work": (lambda: loot.by_token(loot.keeper, "GET", deployments), 401, ""),
+        "to join by its token": (lambda: loot.by_token(joins, "/v1-k3s/client-ca.crt"), 401, ""),
+        "its keeper's work": (lambda: loot.by_token(loot.keeper, deployments), 401, ""),
         # which no kubelet may
         "a pod": (lambda: loot.by_certificate("POST", f"{here}/pods", pod), 403, ""),
         "all Secrets": (lambda: loot.by_certificate("GET", f"{here}/secrets"), 403, ""),

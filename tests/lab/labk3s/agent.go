@@ -129,9 +129,7 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 		logf("info", "k3s agent is up and running")
 	}
 	go runRoutes(ctx, c, kube)
-	if !c.cluster.DisableNPC {
-		go runNetworkPolicies(ctx, c, kube)
-	}
+	go runNetworkPolicies(ctx, c, kube)
 	go runVolumes(ctx, c, kube)
 	if lb != nil {
 		go followServers(ctx, kube, lb)
@@ -180,9 +178,6 @@ func tryJoin(ctx context.Context, c *config, supervisor string, t token, passwor
 		if err := j.sign(ctx, "/v1-k3s/"+signed+".crt", agent(signed), c.NodeName, password, c.NodeIP); err != nil {
 			return err
 		}
-	}
-	if err := j.getJSON(ctx, "/v1-k3s/config", &c.cluster); err != nil {
-		return err
 	}
 	clientCA, err := j.get(ctx, "/v1-k3s/client-ca.crt")
 	if err != nil {
@@ -266,7 +261,6 @@ func kubeletConfig(c *config) map[string]any {
 		"imageGCHighThresholdPercent":   100,
 		"localStorageCapacityIsolation": false,
 		"protectKernelDefaults":         c.ProtectKernel,
-		"resolvConf":                    resolvConf(c),
 		"serializeImagePulls":           false,
 		"staticPodPath":                 agent("pod-manifests"),
 		"tlsCertFile":                   agent("serving-kubelet.crt"),
@@ -275,38 +269,6 @@ func kubeletConfig(c *config) map[string]any {
 		// A container that stops at once should be seen at once.
 		"syncFrequency": "30s",
 	}
-}
-
-// resolvConf keeps a nameserver on the loopback, which pods could not reach,
-// away from them, as k3s does.
-func resolvConf(c *config) string {
-	for _, path := range []string{"/etc/resolv.conf", "/run/systemd/resolve/resolv.conf"} {
-		content, err := os.ReadFile(path)
-		if err == nil && usableNameservers(string(content)) {
-			return path
-		}
-	}
-	own := c.dataDir.agent("etc", "resolv.conf")
-	if _, err := writeFile(own, []byte("nameserver 8.8.8.8\n"), 0o644); err != nil {
-		logf("warning", "%v", err)
-	}
-	return own
-}
-
-func usableNameservers(content string) bool {
-	found := false
-	for _, line := range strings.Split(content, "\n") {
-		fields := strings.Fields(line)
-		if len(fields) < 2 || fields[0] != "nameserver" {
-			continue
-		}
-		ip := net.ParseIP(fields[1])
-		if ip == nil || !ip.IsGlobalUnicast() {
-			return false
-		}
-		found = true
-	}
-	return found
 }
 
 func startKubelet(ctx context.Context, c *config, procs *processes) error {

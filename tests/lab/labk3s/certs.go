@@ -18,7 +18,6 @@ import (
 )
 
 const (
-	caLife   = 10 * 365 * 24 * time.Hour
 	leafLife = 365 * 24 * time.Hour
 	// Lab hosts share a clock, real ones need not: a certificate made a moment
 	// ago must not be "not yet valid" on a host that is a little behind.
@@ -65,20 +64,13 @@ func newCA(crtPath, keyPath, name string) error {
 		return err
 	}
 	now := time.Now()
-	template := &x509.Certificate{
-		SerialNumber:          serial(),
-		Subject:               pkix.Name{CommonName: fmt.Sprintf("k3s-%s@%d", name, now.Unix())},
-		NotBefore:             now.Add(-clockSlack),
-		NotAfter:              now.Add(caLife),
-		KeyUsage:              x509.KeyUsageDigitalSignature | x509.KeyUsageCertSign,
-		BasicConstraintsValid: true,
-		IsCA:                  true,
-	}
-	der, err := x509.CreateCertificate(rand.Reader, template, template, key.Public(), key)
+	ca, err := certutil.NewSelfSignedCACert(certutil.Config{
+		CommonName: fmt.Sprintf("k3s-%s@%d", name, now.Unix()), NotBefore: now.Add(-clockSlack),
+	}, key)
 	if err != nil {
 		return err
 	}
-	_, err = writeFile(crtPath, certPEM(der), 0o644)
+	_, err = writeFile(crtPath, certPEM(ca.Raw), 0o644)
 	return err
 }
 

@@ -8,7 +8,6 @@ import (
 	"net"
 	"os"
 	"slices"
-	"strconv"
 	"strings"
 
 	utilnet "k8s.io/apimachinery/pkg/util/net"
@@ -19,35 +18,27 @@ import (
 // of config.yaml are those that the roles and the tests give; every other one
 // of k3s's is an error that names it.
 type config struct {
-	TokenFile            string   `json:"token-file"`
-	AgentTokenFile       string   `json:"agent-token-file"`
-	ServerURL            string   `json:"server"`
-	ClusterInit          bool     `json:"cluster-init"`
-	NodeName             string   `json:"node-name"`
-	NodeIP               string   `json:"node-ip"`
-	TLSSANs              []string `json:"tls-san"`
-	KubeconfigMode       string   `json:"write-kubeconfig-mode"`
-	Disable              []string `json:"disable"`
-	KubeletArgs          []string `json:"kubelet-arg"`
-	APIServerArgs        []string `json:"kube-apiserver-arg"`
-	ControllerArgs       []string `json:"kube-controller-manager-arg"`
-	ProtectKernel        bool     `json:"protect-kernel-defaults"`
-	SecretsEncryption    bool     `json:"secrets-encryption"`
-	DisableNetworkPolicy bool     `json:"disable-network-policy"`
+	TokenFile         string   `json:"token-file"`
+	AgentTokenFile    string   `json:"agent-token-file"`
+	ServerURL         string   `json:"server"`
+	ClusterInit       bool     `json:"cluster-init"`
+	NodeName          string   `json:"node-name"`
+	NodeIP            string   `json:"node-ip"`
+	TLSSANs           []string `json:"tls-san"`
+	KubeconfigMode    string   `json:"write-kubeconfig-mode"`
+	Disable           []string `json:"disable"`
+	KubeletArgs       []string `json:"kubelet-arg"`
+	APIServerArgs     []string `json:"kube-apiserver-arg"`
+	ControllerArgs    []string `json:"kube-controller-manager-arg"`
+	ProtectKernel     bool     `json:"protect-kernel-defaults"`
+	SecretsEncryption bool     `json:"secrets-encryption"`
 
-	server         bool
-	dataDir        dataDir
-	clusterReset   bool
-	resetRestore   string
-	token          string // as given: short or K10 form
-	agentToken     string
-	kubeconfigMode os.FileMode
-	cluster        clusterConfig // once an agent has joined
-}
-
-// clusterConfig is what servers tell the agents, under k3s's own name.
-type clusterConfig struct {
-	DisableNPC bool
+	server       bool
+	dataDir      dataDir
+	clusterReset bool
+	resetRestore string
+	token        string // as given: short or K10 form
+	agentToken   string
 }
 
 // loadConfig reads the file and, of a server, the flags of a cluster's reset.
@@ -89,11 +80,6 @@ func (c *config) check() (err error) {
 	if c.agentToken, err = secretFile("agent-token", c.AgentTokenFile); err != nil {
 		return err
 	}
-	mode, err := strconv.ParseUint(c.KubeconfigMode, 8, 32)
-	if err != nil || mode > 0o777 {
-		return fmt.Errorf("write-kubeconfig-mode: %q is not a file mode", c.KubeconfigMode)
-	}
-	c.kubeconfigMode = os.FileMode(mode)
 	if c.NodeIP == "" {
 		ip, err := utilnet.ChooseHostInterface() // as k3s does
 		if err != nil {
@@ -103,14 +89,14 @@ func (c *config) check() (err error) {
 	}
 	c.ServerURL = strings.TrimRight(c.ServerURL, "/")
 	switch {
+	case c.KubeconfigMode != "0600":
+		return fmt.Errorf("write-kubeconfig-mode: labk3s lacks the value %q", c.KubeconfigMode)
 	case c.NodeName == "":
 		return errors.New("node-name is required")
 	case net.ParseIP(c.NodeIP) == nil:
 		return fmt.Errorf("node-ip: %q is not one address", c.NodeIP)
 	case !c.server && c.ServerURL == "":
 		return errors.New("--server is required")
-	case !c.server && c.DisableNetworkPolicy:
-		return errors.New("disable-network-policy: an agent does as its server was told to")
 	case !c.server && (c.SecretsEncryption || len(c.APIServerArgs)+len(c.ControllerArgs) > 0):
 		return errors.New("secrets-encryption, kube-apiserver-arg and kube-controller-manager-arg are for servers")
 	case c.ServerURL != "" && c.token == "":

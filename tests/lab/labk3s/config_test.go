@@ -19,13 +19,13 @@ func load(t *testing.T, server bool, text string, args ...string) (*config, erro
 }
 
 func TestConfig(t *testing.T) {
-	c, err := load(t, true, "write-kubeconfig-mode: \"0640\"\ntls-san: [a]\ndisable: [traefik]\ncluster-init: true\ndisable-network-policy: true\n"+
+	c, err := load(t, true, "tls-san: [a]\ndisable: [traefik]\ncluster-init: true\n"+
 		"secrets-encryption: true\nprotect-kernel-defaults: true\nkube-apiserver-arg: [audit-log-maxage=30]\nkube-controller-manager-arg: [terminated-pod-gc-threshold=100]\n",
 		"--cluster-reset", "--cluster-reset-restore-path=/x")
 	if err != nil {
 		t.Fatal(err)
 	}
-	if c.kubeconfigMode != 0o640 || !slices.Equal(c.TLSSANs, []string{"a"}) || !c.ClusterInit || !c.DisableNetworkPolicy || c.resetRestore != "/x" {
+	if !slices.Equal(c.TLSSANs, []string{"a"}) || !c.ClusterInit || c.resetRestore != "/x" {
 		t.Errorf("got %+v", c)
 	}
 	if !c.SecretsEncryption || kubeletConfig(c)["protectKernelDefaults"] != true {
@@ -46,7 +46,7 @@ func TestConfigRefusals(t *testing.T) {
 		{true, "frobnicate: 1", "", `unknown field "frobnicate"`},
 		{true, "", "--docker", "not defined: -docker"},
 		{true, "disable: [nothing]", "", `labk3s lacks the value "nothing"`},
-		{true, "write-kubeconfig-mode: rw", "", "not a file mode"},
+		{true, "write-kubeconfig-mode: rw", "", `labk3s lacks the value "rw"`},
 		{true, "token-file: /nonexistent", "", "token-file"},
 		{true, "token-file: /dev/null", "", "is empty"},
 		{true, "", "--cluster-reset", "lacks --cluster-reset without"},
@@ -54,7 +54,6 @@ func TestConfigRefusals(t *testing.T) {
 		{true, "", "leftover", `takes no argument "leftover"`},
 		{false, "", "--cluster-reset", "not defined: -cluster-reset"},
 		{false, "token-file: /etc/hostname", "", "--server is required"},
-		{false, "server: https://a\ndisable-network-policy: true", "", "as its server was told to"},
 		{false, "server: https://a\nsecrets-encryption: true", "", "are for servers"},
 		{false, "server: https://a\nkube-apiserver-arg: [v=1]", "", "are for servers"},
 		{false, "token-file: /etc/hostname\nserver: http://a:6443", "", "not an https:// URL"},

@@ -61,28 +61,6 @@ func TestDatastore(t *testing.T) {
 	}
 }
 
-func TestVolumeFor(t *testing.T) {
-	claim := &corev1.PersistentVolumeClaim{
-		ObjectMeta: metav1.ObjectMeta{Name: "data-pvc", Namespace: "robot-r1", UID: "u1"},
-		Spec:       corev1.PersistentVolumeClaimSpec{AccessModes: []corev1.PersistentVolumeAccessMode{corev1.ReadWriteOnce}},
-	}
-	if volume, err := volumeFor(claim, "local-path", "/s"); volume != nil || err != nil {
-		t.Errorf("without a node: %v, %v", volume, err)
-	}
-	claim.Annotations = map[string]string{selectedNode: "r1"}
-	volume, err := volumeFor(claim, "local-path", "/s")
-	if err != nil {
-		t.Fatal(err)
-	}
-	if volume.Spec.HostPath.Path != "/s/pvc-u1_robot-r1_data-pvc" || volumeNode(volume) != "r1" {
-		t.Errorf("got %+v", volume)
-	}
-	claim.Spec.AccessModes = []corev1.PersistentVolumeAccessMode{corev1.ReadWriteMany}
-	if _, err := volumeFor(claim, "local-path", "/s"); err == nil {
-		t.Error("a volume for many nodes was promised")
-	}
-}
-
 func TestAClientsCertificateIsKept(t *testing.T) {
 	d := dataDir(t.TempDir())
 	cas, err := ensureCAs(d)

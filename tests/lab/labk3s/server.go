@@ -193,43 +193,24 @@ func sharedFiles() []string {
 }
 
 // writeTokens writes the token files as k3s does and returns the secret that
-// agents join with.
+// agents join with: their own, or that of the servers where there is none.
 func writeTokens(c *config, cas map[string]*authority, secret string) (string, error) {
 	hash := hashCA(cas["server-ca"].pem)
-	write := func(name string, t token) error {
-		path := c.dataDir.server(name)
-		if info, err := os.Lstat(path); err == nil && info.Mode()&os.ModeSymlink != 0 {
-			if err := os.Remove(path); err != nil {
-				return err
-			}
+	server := token{hash, "server", secret}
+	agent := server
+	if c.agentToken != "" {
+		given, err := parseToken(c.agentToken, "node")
+		if err != nil {
+			return "", fmt.Errorf("agent-token: %w", err)
 		}
-		_, err := writeFile(path, []byte(t.String()+"\n"), 0o600)
-		return err
+		agent = token{hash, "node", given.secret}
 	}
-	if err := write("token", token{hash, "server", secret}); err != nil {
-		return "", err
+	for name, t := range map[string]token{"token": server, "agent-token": agent} {
+		if _, err := writeFile(c.dataDir.server(name), []byte(t.String()+"\n"), 0o600); err != nil {
+			return "", err
+		}
 	}
-	if err := relink("token", c.dataDir.server("node-token")); err != nil {
-		return "", err
-	}
-	if c.agentToken == "" {
-		return secret, relink("token", c.dataDir.server("agent-token"))
-	}
-	agent, err := parseToken(c.agentToken, "node")
-	if err != nil {
-		return "", fmt.Errorf("agent-token: %w", err)
-	}
-	return agent.secret, write("agent-token", token{hash, "node", agent.secret})
-}
-
-func relink(target, path string) error {
-	if old, err := os.Readlink(path); err == nil && old == target {
-		return nil
-	}
-	if err := os.RemoveAll(path); err != nil {
-		return err
-	}
-	return os.Symlink(target, path)
+	return agent.secret, nil
 }
 
 // startDatastore starts or joins etcd.
@@ -287,7 +268,7 @@ func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) e
 		return err
 	}
 	admin := c.dataDir.tls("client-admin")
-	if err := writeKubeconfig(kubeconfigFile, "https://127.0.0.1:"+apiPort, c.dataDir.tls("server-ca.crt"), admin, true, c.kubeconfigMode); err != nil {
+	if err := writeKubeconfig(kubeconfigFile, "https://127.0.0.1:"+apiPort, c.dataDir.tls("server-ca.crt"), admin, true, 0o600); err != nil {
 		return err
 	}
 	logf("info", "Wrote kubeconfig %s", kubeconfigFile)

@@ -65,15 +65,6 @@ func saveSnapshot(ctx context.Context, c *config, name, dir string) error {
 // one server with a snapshot's data, and ends. The data that was there is kept
 // beside it.
 func clusterReset(c *config) error {
-	if err := restoreSnapshot(c); err != nil {
-		return err
-	}
-	logf("info", "Managed etcd cluster membership has been reset, restart without --cluster-reset flag now. "+
-		"Backup and delete %s on each peer etcd server and rejoin the nodes", c.dataDir.server("db"))
-	return nil
-}
-
-func restoreSnapshot(c *config) error {
 	path := strings.TrimPrefix(c.resetRestore, "file://")
 	if !exists(path) {
 		return fmt.Errorf("etcd: snapshot path does not exist: %s", path)
@@ -102,6 +93,10 @@ func restoreSnapshot(c *config) error {
 	if err := os.Rename(restored, c.etcdDir()); err != nil {
 		return err
 	}
-	_, err = writeFile(c.etcdDir("name"), []byte(name), 0o600)
-	return err
+	if _, err := writeFile(c.etcdDir("name"), []byte(name), 0o600); err != nil {
+		return err
+	}
+	logf("info", "Managed etcd cluster membership has been reset, restart without --cluster-reset flag now. "+
+		"Backup and delete %s on each peer etcd server and rejoin the nodes", c.dataDir.server("db"))
+	return nil
 }

@@ -146,7 +146,6 @@ func (s *supervisor) handler() (http.Handler, error) {
 	server := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "server") }
 	mux.HandleFunc("GET /v1-k3s/client-ca.crt", node(s.serveCA("client-ca")))
 	mux.HandleFunc("GET /v1-k3s/apiservers", node(s.serveAPIServers))
-	mux.HandleFunc("GET /v1-k3s/config", node(s.serveConfig))
 	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.forNode(s.sign("server-ca", func(name, ip string) leaf {
 		return leaf{name: name, names: []string{name, "localhost", "127.0.0.1", ip}, server: true}
 	}))))
@@ -335,21 +334,12 @@ func (s *supervisor) serveCA(name string) http.HandlerFunc {
 // serveAPIServers lists where the API can be reached, for the agents' load
 // balancers.
 func (s *supervisor) serveAPIServers(w http.ResponseWriter, r *http.Request) {
-	if !s.apiReady.Load() {
-		writeJSON(w, []string{net.JoinHostPort(s.config.NodeIP, apiPort)})
-		return
-	}
 	servers, err := apiServers(r.Context(), s.kube)
 	if err != nil {
 		http.Error(w, err.Error(), http.StatusServiceUnavailable)
 		return
 	}
 	writeJSON(w, servers)
-}
-
-// serveConfig says what agents do as their server was told to.
-func (s *supervisor) serveConfig(w http.ResponseWriter, _ *http.Request) {
-	writeJSON(w, clusterConfig{DisableNPC: s.config.DisableNetworkPolicy})
 }
 
 // forNode lets a node have certificates of its own name alone, by its

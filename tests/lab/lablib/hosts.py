@@ -36,9 +36,7 @@ def mac_address(address: str) -> str:
     return "02:72:" + ipaddress.IPv4Address(address).packed.hex(":")
 
 
-def wait_for(
-    what: str, look: Callable[[], tuple[bool, str]], *, seconds: float, interval: float = 0.25, todo: str = ""
-) -> str:
+def wait_for(what: str, look: Callable[[], tuple[bool, str]], *, seconds: float, todo: str = "") -> str:
     """Looks until `look` says (True, observation); a time-out is an error that carries the last observation."""
     deadline = time.monotonic() + seconds
     while True:
@@ -47,7 +45,7 @@ def wait_for(
             return observed
         if time.monotonic() >= deadline:
             raise LabError(f"{what}: not within {seconds:g} s", where=f"last seen: {observed}", todo=todo)
-        time.sleep(interval)
+        time.sleep(0.25)
 
 
 @dataclass(frozen=True)
@@ -126,9 +124,9 @@ class HostRunner:
             done = podman_try("rm", "--force", "--ignore", "--time=0", self.container)
             return self.status() == "", done.stderr.strip() or "still there"
 
-        wait_for(f"removing host {self.host.name}", gone, seconds=60, interval=0.5)
+        wait_for(f"removing host {self.host.name}", gone, seconds=60)
         self._routes.unlink(missing_ok=True)
-        podman("volume", "rm", "--force", self.volume, check=False)
+        podman_try("volume", "rm", "--force", self.volume)
         if podman_try("volume", "exists", self.volume).returncode == 0:
             raise LabError(f"volume {self.volume} cannot be removed", todo=f"podman volume rm --force {self.volume}")
 
@@ -155,7 +153,7 @@ class HostRunner:
             return status in ("exited", "stopped"), f"{status}: {done.stderr.strip()}"
 
         if self.status() == "running":
-            wait_for(f"stopping host {self.host.name}", stopped, seconds=120, interval=0.5)
+            wait_for(f"stopping host {self.host.name}", stopped, seconds=120)
         self._routes.unlink(missing_ok=True)
 
     def cut(self) -> None:
@@ -189,7 +187,7 @@ class HostRunner:
 
     def _failed_units(self) -> str:
         command = ("systemctl", "list-units", "--failed", "--plain", "--no-legend")
-        listing = podman("exec", self.container, *command, check=False)
+        listing = podman_try("exec", self.container, *command).stdout
         return ", ".join(line.split()[0] for line in listing.splitlines() if line.strip())
 
     def _wait_booted(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from ipaddress import IPv4Network
@@ -21,7 +21,6 @@ from .keys import Keys
 from .names import (
     DEFAULT_HOSTS,
     POOL,
-    HostSpec,
     assign_addresses,
     check_lab_name,
     checkout_id,
@@ -78,30 +77,30 @@ class Lab:
 
     def up(self, hosts: str | None, *, fresh: bool) -> LabState:
         """Mends what is there and makes what is missing; with `fresh` every host is a new one."""
-        specs = parse_hosts(hosts) if hosts else self._known_specs()
+        groups = parse_hosts(hosts) if hosts else self._known_groups()
         _raise_inotify_limit()
         _leave_addresses()
         image = host_image(self.cache)
         with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
             if fresh:
                 self._remove_containers(keep=set())
-            state = self._state(specs)
+            state = self._state(groups)
             self._remove_containers(keep={runner.container for runner in self.runners(state)})
             self.keys.write_known_hosts({host.name: host.address for host in state.hosts})
             states.save(state)
             _each(self.runners(state), lambda runner: runner.ensure(image, self.network, self.labels))
             return state
 
-    def _known_specs(self) -> list[HostSpec]:
+    def _known_groups(self) -> dict[str, str]:
         known = states.load(self.name)
-        return known.specs() if known else parse_hosts(DEFAULT_HOSTS)
+        return {host.name: host.group for host in known.hosts} if known else parse_hosts(DEFAULT_HOSTS)
 
-    def _state(self, specs: list[HostSpec]) -> LabState:
+    def _state(self, groups: Mapping[str, str]) -> LabState:
         subnet = ensure_network(self.cache, self.network, self.labels)
         known = states.load(self.name)
         fixed = {host.name: host.address for host in known.hosts} if known else {}
-        addresses = assign_addresses(subnet, [spec.name for spec in specs], fixed)
-        hosts = tuple(Host(spec.name, spec.group, str(addresses[spec.name])) for spec in specs)
+        addresses = assign_addresses(subnet, groups, fixed)
+        hosts = tuple(Host(name, group, str(addresses[name])) for name, group in groups.items())
         return LabState(self.name, str(subnet), hosts)
 
     # --- down ------------------------------------------------------------------------------------------------------

@@ -7,7 +7,6 @@ import hashlib
 import ipaddress
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
 
 from .errors import LabError
@@ -20,14 +19,6 @@ POOL = IPv4Network("10.64.0.0/12")
 # What k3s and ROS put on the hosts: a lab inside these would hide behind pod or service addresses.
 RESERVED = (IPv4Network("10.42.0.0/16"), IPv4Network("10.43.0.0/16"))
 FIRST_HOST = 11
-
-
-@dataclass(frozen=True)
-class HostSpec:
-    """One host as asked for: its inventory name and group."""
-
-    name: str
-    group: str
 
 
 def checkout_id(path: str) -> str:
@@ -55,19 +46,19 @@ def check_lab_name(name: str) -> str:
     return name
 
 
-def parse_hosts(text: str) -> list[HostSpec]:
-    """`edge1:edge,robot1:robots` as a list; every mistake in it is reported at once."""
+def parse_hosts(text: str) -> dict[str, str]:
+    """`edge1:edge,robot1:robots` as group by name; every mistake in it is reported at once."""
     problems: list[str] = []
-    hosts: list[HostSpec] = []
+    hosts: dict[str, str] = {}
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, colon, group = item.partition(":")
         if not colon or group not in GROUPS:
             problems.append(f"{item!r}: the group must be one of {', '.join(GROUPS)} (name:group)")
         if not LABEL.fullmatch(name):
             problems.append(f"{item!r}: the name must be lower-case letters, digits and dashes, at most 42 characters")
-        if name in {host.name for host in hosts}:
+        if name in hosts:
             problems.append(f"{item!r}: the name {name} is used twice")
-        hosts.append(HostSpec(name, group))
+        hosts[name] = group
     if not hosts:
         problems.append("no host given")
     if problems:

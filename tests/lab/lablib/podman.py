@@ -24,8 +24,8 @@ def limits() -> list[str]:
     return flags
 
 
-def podman(*arguments: str, check: bool = True, timeout: float = 120, stdin: bytes | None = None) -> str:
-    return run([*PODMAN, *arguments], check=check, timeout=timeout, stdin=stdin).stdout
+def podman(*arguments: str, stdin: bytes | None = None) -> str:
+    return run([*PODMAN, *arguments], stdin=stdin).stdout
 
 
 def podman_try(*arguments: str, timeout: float = 120) -> subprocess.CompletedProcess[str]:

@@ -13,7 +13,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 
 from .errors import LabError
 
@@ -34,7 +33,6 @@ def run(
     check: bool = True,
     timeout: float = 120,
     stdin: bytes | None = None,
-    todo: str = "",
 ) -> subprocess.CompletedProcess[str]:
     """Runs a short command and returns its output; a failure says the command and what it printed."""
     try:
@@ -45,15 +43,13 @@ def run(
         raise LabError(f"{command[0]} is not installed", todo="run `make setup`, which installs it") from error
     except subprocess.TimeoutExpired as error:
         said = ((error.stderr or b"") + (error.stdout or b"")).decode(errors="replace").strip()
-        raise LabError(
-            f"{' '.join(command[:4])} ... did not end within {timeout:g} s", where=said[-500:], todo=todo
-        ) from error
+        raise LabError(f"{' '.join(command[:4])} ... did not end within {timeout:g} s", where=said[-500:]) from error
     result = subprocess.CompletedProcess(
         done.args, done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
     )
     if check and result.returncode != 0:
         said = (result.stderr.strip() or result.stdout.strip() or "it printed nothing")[-1500:]
-        raise LabError(f"{' '.join(command)} failed with exit status {result.returncode}", where=said, todo=todo)
+        raise LabError(f"{' '.join(command)} failed with exit status {result.returncode}", where=said)
     return result
 
 
@@ -76,7 +72,7 @@ def build(job: Job) -> None:
     with (
         job.log.open("ab") as sink,
         job.stdin.open("rb") as source,
-        job.stdout.open("wb") if job.stdout else _same(sink) as out,
+        job.stdout.open("wb") if job.stdout else contextlib.nullcontext(sink) as out,
     ):
         sink.write(f"$ {' '.join(job.command)}\n".encode())
         sink.flush()
@@ -99,16 +95,13 @@ def build(job: Job) -> None:
             stop_group(process)
             _running.discard(process)
     if status != 0:
-        tail = "\n".join(f"    {line}" for line in tail_of(job.log))
+        lines = job.log.read_text(errors="replace").splitlines()[-TAIL_LINES:]
+        tail = "\n".join(f"    {line}" for line in lines)
         raise LabError(
             f"building {job.what} failed with exit status {status}",
             where=f"the end of {job.log}:\n{tail}",
             todo="mend what the log says, then run it again",
         )
-
-
-def _same(sink: IO[bytes]) -> IO[bytes]:
-    return os.fdopen(os.dup(sink.fileno()), "wb")
 
 
 def _wait(process: subprocess.Popen[bytes], what: str, started: float) -> int:
@@ -143,10 +136,3 @@ def interrupt_all() -> None:
     for process in list(_running):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGTERM)
-
-
-def tail_of(log: Path, lines: int = TAIL_LINES) -> list[str]:
-    try:
-        return log.read_text(errors="replace").splitlines()[-lines:]
-    except FileNotFoundError:
-        return []

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from .errors import LabError
-from .names import HostSpec
 from .paths import COMMAND, STATE, state_dir
 
 ARTIFACTS = STATE / "artifacts.json"
@@ -32,9 +31,6 @@ class LabState:
     name: str
     subnet: str
     hosts: tuple[Host, ...]
-
-    def specs(self) -> list[HostSpec]:
-        return [HostSpec(host.name, host.group) for host in self.hosts]
 
     def host(self, name: str) -> Host:
         for host in self.hosts:

@@ -3,17 +3,14 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import bench_site
 import process_memory
 import pytest
-
-CHECKOUT = Path(__file__).resolve().parents[3]
 
 
 def report(changed: int, outcome: str = "updated") -> dict[str, Any]:
@@ -42,21 +39,6 @@ def runs(site: float = 20.0, cpu: float = 5.0, step: float = 8.0, again: int = 0
         "app": [bench_site.Run("app", 30.0, 6.0, stepped, 90.0)],
         "everywhere": [bench_site.Run("everywhere", 60.0, 12.0, stepped, 180.0)],
     }
-
-
-def test_one_app_in_a_new_version() -> None:
-    apps = [{"name": "a", "env": {"K": 1}}, {"name": "b"}]
-    version = {"ROSOPS_APPS_VERSION": "v"}
-    assert bench_site.with_version(apps, "a", "v") == [{"name": "a", "env": {"K": 1, **version}}, apps[1]]
-    assert bench_site.with_version(apps, "b", "v")[1] == {"name": "b", "env": version}
-    with pytest.raises(bench_site.BenchError, match="no app c, only a, b"):
-        bench_site.with_version(apps, "c", "v")
-
-
-def test_apps_that_publish_at_a_rate_get_a_lower_one() -> None:
-    fast = {"name": "a", "env": {"K": 1, "RATE_HZ": 500}, "readiness": {"topics": [{"name": "t", "min_rate": 475}, {}]}}
-    slow = {"name": "a", "env": {"K": 1, "RATE_HZ": 20}, "readiness": {"topics": [{"name": "t", "min_rate": 19}, {}]}}
-    assert bench_site.at_rate([fast, {"name": "b"}], 20) == [slow, {"name": "b"}]
 
 
 def test_a_run_that_left_a_host_out_is_no_result() -> None:
@@ -101,26 +83,6 @@ ABOUT = {"k3s": "labk3s", "robots": 3, "hertz": 20.0, "machine": "x86_64", "host
 ABOUT |= {"load_before": 0.1, "lab_up_seconds": 5.0}
 
 
-def test_the_last_line_is_the_result(capsys: pytest.CaptureFixture[str]) -> None:
-    tidied: list[str] = []
-    found = bench_site.result({"now": runs()}, ABOUT)
-    assert bench_site.attempt(lambda: found, lambda: tidied.append("gone")) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert json.loads(lines[-1]) == found
-    assert "  site.yml, again              now        20.0 s  cpu    5.0 s  changed=0/0/0" in lines
-    assert "  update of temperature-stats  now        30.0 s  cpu    6.0 s  changed=2  step   8.0 s" in lines
-    assert found["ready_to_bare"] == {"now": 0.2}
-    [bare] = found["runs"]["now"]["bare"]
-    assert (bare["changed"], bare["cpu"]) == (30, 40.0)
-    assert bare["slowest_tasks"] == [{"name": "Start it", "stage": "k3s", "seconds": 61.25}]
-    assert tidied == ["gone"]
-
-
-def test_a_missed_limit_is_exit_status_1(capsys: pytest.CaptureFixture[str]) -> None:
-    assert bench_site.attempt(lambda: bench_site.result({"now": runs(site=90.0)}, ABOUT), lambda: None) == 1
-    assert "MISSED: ready hosts take" in capsys.readouterr().out
-
-
 def test_processor_time_is_that_of_the_whole_tree() -> None:
     busy = "import os, time\nwhile time.process_time() < 0.3: pass\n"
     tree = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {busy!r}])\nsys.exit(3)"
@@ -143,28 +105,31 @@ def test_memory_is_that_of_the_whole_tree() -> None:
     assert process_memory.memory_mb(process.pid) == 0
 
 
-def test_the_inventory_of_another_checkout_has_its_variables_and_our_lab(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def fails() -> dict[str, Any]:
+    raise bench_site.BenchError("bare: site.yml ended with 2 after 3.0 s")
+
+
+@pytest.mark.parametrize(
+    ("measuring", "status", "said"),
+    [
+        (lambda: bench_site.result({"now": runs()}, ABOUT), 0, '"missed":[]'),
+        (lambda: bench_site.result({"now": runs(site=90.0)}, ABOUT), 1, "MISSED: ready hosts take"),
+        (fails, 2, "ended with 2"),
+    ],
+)
+def test_the_exit_status_says_what_became_of_it_and_the_lab_goes_in_any_case(
+    measuring: Callable[[], dict[str, Any]], status: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench_site, "KEPT", tmp_path / "kept")
-    for _again in range(2):
-        made = bench_site.borrowed(tmp_path / "other", "bench")
-    assert (made / "group_vars").readlink() == tmp_path / "other" / "inventories" / "lab" / "group_vars"
-    assert f'exec "{CHECKOUT / "tests" / "lab" / "lab"}" inventory --lab "bench"' in (made / "hosts.sh").read_text()
-
-
-def test_a_failed_run_is_an_error_and_the_lab_goes_all_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     tidied: list[str] = []
-
-    def fail() -> dict[str, Any]:
-        raise bench_site.BenchError("bare: site.yml ended with 2 after 3.0 s")
-
-    assert bench_site.attempt(fail, lambda: tidied.append("gone")) == 2
+    assert bench_site.attempt(measuring, lambda: tidied.append("gone")) == status
     printed = capsys.readouterr()
-    assert printed.out == ""
-    assert "ended with 2" in printed.err
+    assert said in printed.out + printed.err
     assert tidied == ["gone"]
 
 
-def test_task_lines() -> None:
-    assert bench_site.task_lines(report(1)) == ["     61.2 s  k3s: Start it  (changed on 1 of 3 hosts)"]
+def test_figures_of_the_result() -> None:
+    found = bench_site.result({"now": runs()}, ABOUT)
+    assert found["ready_to_bare"] == {"now": 0.2}
+    [bare] = found["runs"]["now"]["bare"]
+    assert (bare["changed"], bare["cpu"], bare["step_seconds"]) == (30, 40.0, 0.0)
+    assert [one["step_seconds"] for one in found["runs"]["now"]["app"]] == [8.0]

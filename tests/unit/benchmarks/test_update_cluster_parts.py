@@ -9,9 +9,8 @@ import pytest
 from update.fleet_inventory import item, variables
 from update.plain_manifests import NAMESPACE, app_deployment, base, node_name
 from update.rollouts import restarts, unfinished
-from update.sampler import POD, field
-from update.scenario import CASES, all_apps, chosen, images
-from update.stress import LEAST, MEMORY, command, fill_bytes, parse_groups
+from update.scenario import CASES, all_apps
+from update.stress import LEAST, MEMORY, command, fill_bytes
 from update.usage import usage
 from update.windows import Span
 
@@ -24,15 +23,6 @@ def test_every_pair_has_names_of_its_own() -> None:
     assert len({app.log_dir for app in apps}) == len(apps)
     topics = [case.source.topic for case in CASES if case.source.topic]
     assert len(set(topics)) == len(topics)
-
-
-def test_cases_by_name_and_by_app() -> None:
-    assert [case.name for case in chosen(["pubsub"])] == ["pubsub/minor", "pubsub/major", "pubsub/simultaneous"]
-    assert chosen(["pubsub/minor"]) == [MINOR]
-    assert chosen([]) == list(CASES)
-    assert images([MINOR]) == ["1.0", "1.1"]
-    with pytest.raises(ValueError, match="no case nonsense"):
-        chosen(["nonsense"])
 
 
 def test_an_update_changes_only_what_it_says() -> None:
@@ -136,16 +126,6 @@ def test_usage_of_an_arm_leaves_out_other_pods_and_counts_new_ones() -> None:
     assert set(usage({}, Span(10.0, 13.0), ()).values()) == {None}
 
 
-def test_the_samplers_parsing() -> None:
-    uid = "4609bb65-a965-42cc-a6ec-82ed74715d96"
-    for name in (f"pod{uid}", f"kubepods-besteffort-pod{uid.replace('-', '_')}.slice"):
-        match = POD.search(name)
-        assert match is not None
-        assert match.group(1).replace("_", "-") == uid
-    assert field("cache 1\ntotal_inactive_file 7\n", "total_inactive_file") == 7
-    assert field("cache 1\n", "total_inactive_file") == 0
-
-
 def test_stress_fills_the_hosts_memory_to_four_fifths() -> None:
     used = 700 * 1024**2
     assert fill_bytes(MEMORY, used) + used == MEMORY * 80 // 100
@@ -153,8 +133,3 @@ def test_stress_fills_the_hosts_memory_to_four_fifths() -> None:
     words = command(2, 1024)
     assert words[words.index("--cpu") + 1] == "2"
     assert words[words.index("--cpu-load") + 1] == "80"
-
-
-def test_the_hosts_own_cgroup() -> None:
-    text = "5:devices:/a/b/init.scope\n2:cpuacct:/a/b\n1:cpu:/a/b/init.scope\n0::/a/b/init.scope\n"
-    assert parse_groups(text) == {"devices": "/a/b", "cpuacct": "/a/b", "cpu": "/a/b", "": "/a/b"}

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 from update import page, series
-from update.cores import kubelet_arguments, split
 from update.measure import Measured
 from update.numbers import percentile
 from update.order import rounds
@@ -71,13 +70,6 @@ def test_what_is_published_has_enough_messages_and_twelve_apps_in_one_step() -> 
     assert {app.group for app in many.changed()} == {"many"}
     assert sum(float(app.env["RATE_HZ"]) for app in many.apps if app.publishes) < 2 * RATE
     assert images([many]) == ["1.0", "1.1"]
-
-
-@pytest.mark.parametrize("cores", [1, 2, 3, 8])
-def test_the_robot_has_cores_of_its_own_where_there_are_two(cores: int) -> None:
-    robot, others = split(cores)
-    assert set(robot) | set(others) == set(range(cores))
-    assert not set(robot) & set(others) or cores == 1
 
 
 def test_a_series_is_around_the_run() -> None:
@@ -143,8 +135,3 @@ def test_the_documentation_is_what_the_trials_give() -> None:
     for path, content in page.files().items():
         assert path.read_text("utf-8") == content, path
     assert {path.name for path in page.PICTURES.glob("*")} == {path.name for path in page.files() if path != page.PAGE}
-
-
-def test_a_kubelet_leaves_the_cores_that_are_others_out() -> None:
-    assert "reserved-cpus=1,2" in kubelet_arguments((0, 3), range(4))
-    assert kubelet_arguments((0,), (0,)) == []

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
-from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import IDENTITY, ROBOTS, Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import ROBOTS, Control
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 EDGES = ("192.0.2.1", "192.0.2.2", "192.0.2.3")
@@ -66,23 +65,6 @@ def test_an_api_server_that_restarts_fails_no_robot(server: Server, control: Con
     assert f"] The Kubernetes API at {server.url} cannot be reached: connection refused." in done.stdout
     assert "It is tried again for 5" in done.stdout
     assert "unknown type" not in done.stdout + done.stderr
-
-
-@pytest.mark.parametrize("playbook", ["update", "status", "site"])  # rollback has update's plays
-def test_stagings_access_under_productions_name_is_refused_by_every_playbook(
-    server: Server, control: Control, playbook: str
-) -> None:
-    """Given, or for site.yml fetched from a server of the cluster."""
-    server.put(IDENTITY, Identity("staging", "edge").as_object())
-    control.plays(playbook)
-    tags = ["--tags", "namespace,node"] if playbook == "site" else []
-    access = {} if playbook == "site" else {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "very-secret"}
-    done = control.run("--limit", "robot1", *tags, **access)
-    said = " ".join(done.stdout.split())
-    assert "the cluster edge of the fleet staging; the inventory's is the cluster edge of the fleet production" in said
-    assert (done.returncode == 0) == (playbook == "status")  # which shows it as a problem
-    assert {path for path, _query, _headers in list(server.requests.queue)} == {IDENTITY}
-    assert (server.writes, control.left()) == ([], [])
 
 
 def test_another_control_node_sees_what_became_of_a_run(server: Server, control: Control, tmp_path: Path) -> None:

@@ -139,10 +139,15 @@ def test_its_secrets_are_applied_on_the_server_of_each_robot_s_cluster(launched:
     assert (done.returncode, done.stdout.count("changed=0")) == (0, 2), done.stdout + done.stderr
 
 
-def test_an_example_that_is_not_there_is_refused_by_those_that_are(tmp_path: Path) -> None:
-    done = new(tmp_path, "-e", "example=lunch")
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [(["-e", "dest=My_Fleet", "-e", "example=lunch"], "talker, launch"), ([], "-e dest=my-fleet")],
+    ids=["an example that is not there", "no directory"],
+)
+def test_what_can_be_given_is_said_and_nothing_is_written(tmp_path: Path, given: list[str], said: str) -> None:
+    done = run(tmp_path, "ansible-playbook", "rosops.fleet.new", *given)
     assert done.returncode == 2
-    assert "talker, launch" in done.stdout
+    assert said in done.stdout
     assert list(tmp_path.iterdir()) == []
 
 
@@ -181,13 +186,6 @@ def test_a_second_run_changes_nothing_and_what_differs_stays_unless_forced(outsi
     assert changed(forced) == 1
     assert "-mine: {}" in forced.stdout
     assert hosts.read_text() == example
-
-
-def test_without_a_directory_nothing_is_written_and_it_is_said_what_to_give(tmp_path: Path) -> None:
-    done = run(tmp_path, "ansible-playbook", "rosops.fleet.new")
-    assert done.returncode == 2
-    assert "-e dest=my-fleet" in done.stdout
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_checkout_has_the_repository_s_playbooks_and_they_lead_to_its_collection(tmp_path: Path) -> None:

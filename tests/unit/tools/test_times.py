@@ -6,44 +6,16 @@ from __future__ import annotations
 import pytest
 from times import CHECKOUT, PAGE, kept, listed, merged, page, words
 
-MAKEFILE = """\
-.PHONY: lint
-lint: ruff mypy ## All that reads code
-test-unit: ## The unit tests
-	python -m pytest
-hidden:
-"""
-TABLE = """\
-| target | what | time |
-|---|---|---|
-| `make lint` | all that reads code | 9 h |
-| `make mutation` | mistakes | an hour |
-"""
-
 
 @pytest.mark.parametrize(("seconds", "said"), [(0, "1 s"), (89, "89 s"), (374, "6 min"), (5400, "1.5 h")])
 def test_a_time_as_a_reader_wants_it(seconds: int, said: str) -> None:
     assert words(seconds) == said
 
 
-def test_a_run_adds_to_what_is_kept() -> None:
+def test_a_run_adds_to_what_is_kept_and_a_red_one_has_no_time_of_the_whole() -> None:
     run = {"stages": {"lint": 60}, "whole": 1200}
     assert merged({"lint": 50, "docs": 20}, run, "test") == {"docs": 20, "lint": 60, "test": 1200}
-
-
-def test_a_red_run_has_no_time_of_the_whole() -> None:
     assert merged({"test": 1200}, {"stages": {}, "whole": None}, "test") == {"test": 1200}
-
-
-def test_the_list_of_targets() -> None:
-    assert [line.split() for line in listed(MAKEFILE, {"lint": 60}).splitlines()] == [
-        ["lint", "60", "s", "All", "that", "reads", "code"],
-        ["test-unit", "The", "unit", "tests"],
-    ]
-
-
-def test_a_row_without_a_time_keeps_its_words() -> None:
-    assert page(TABLE, {"lint": 60}) == TABLE.replace("9 h", "60 s")
 
 
 def test_the_page_has_the_kept_times() -> None:
