@@ -70,8 +70,7 @@ class Poller(threading.Thread):
         """
         super().__init__(daemon=True, name="poller")
         self.observer, self.interval, self.updates, self.tell, self.say = observer, interval, updates, tell, say
-        self.memory = History()
-        self.snapshot = Snapshot(errors=self.memory.errors)
+        self.snapshot = Snapshot()
         self.asked = self.ended = -math.inf  # when a look was asked for last, and when one ended
         self.due = threading.Event()  # until its end
         self.wrong = ""
@@ -98,16 +97,17 @@ class Poller(threading.Thread):
     def poll(self) -> None:
         """One look, and a new snapshot."""
         began, at = time.monotonic(), time.time()
-        ros, self.memory = self._look()
+        ros, history = self._look()
         for line in self.updates.read(time.time()):
             self.say(line)
         self.ended = time.monotonic()
-        self.snapshot = Snapshot(ros, self.memory.errors, self.memory.polls, self.ended - began, at)
+        self.snapshot = Snapshot(ros, history, self.ended - began, at)
 
     def _look(self) -> tuple[Numbers, History]:
+        before = self.snapshot.history
         try:
             graph, launched = self.observer.look()
         except Exception as error:  # whatever the master does, it is away
-            return snapshot.master_away(self.memory, snapshot.reason(error))
+            return snapshot.master_away(before, snapshot.reason(error))
         # the next poll's graph is asked anew, so a node that has moved is found
-        return snapshot.next_poll(graph, list(self.observer.wrong.values()), self.memory, launched)
+        return snapshot.next_poll(graph, list(self.observer.wrong.values()), before, launched)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import families
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.exporter import OPTIONS, PATH, Exporter
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import Snapshot
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import History, Snapshot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 
 
@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import 
 def made() -> Exporter:
     """One of which no thread runs."""
     found = Exporter("http://127.0.0.1:9/", {**OPTIONS, "--updates": "/nonexistent"}, print)
-    found.poller.snapshot = Snapshot({"ros_master_up": {(): 1}, "ros_node_up": {"/n": 1}}, {}, 3, 0.1, 5.0)
+    found.poller.snapshot = Snapshot({"ros_master_up": {(): 1}, "ros_node_up": {"/n": 1}}, History(polls=3), 0.1, 5.0)
     found.poller.ended = time.monotonic()
     return found
 

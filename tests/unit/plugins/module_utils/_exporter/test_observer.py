@@ -42,7 +42,7 @@ def poller(peers: Peers, nodes: dict[str, str], timeout: float = 0.5, **more: An
 
 
 def errors(made: Poller) -> dict[str, int]:
-    return {why: number for why, number in made.snapshot.errors.items() if number}
+    return {why: number for why, number in made.snapshot.history.errors.items() if number}
 
 
 def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
@@ -168,14 +168,14 @@ def looked(made: Poller) -> Numbers:
 def test_a_look_follows_each_scrape_and_is_shown_by_the_next_one(clock: list[float]) -> None:
     made = polls("http://127.0.0.1:9/", 0.5)
     made.start()
-    assert (made.snapshot.polls, looked(made)) == (0, {})
+    assert (made.snapshot.history.polls, looked(made)) == (0, {})
     for number in range(1, 4):
         clock[0] += made.interval
-        assert (looked(made), made.snapshot.polls) == (AWAY, number + 1)
+        assert (looked(made), made.snapshot.history.polls) == (AWAY, number + 1)
     clock[0] += made.interval / 2 - 0.1  # another one who scrapes
-    assert (looked(made), made.snapshot.polls) == (AWAY, 4)
+    assert (looked(made), made.snapshot.history.polls) == (AWAY, 4)
     clock[0] += 0.1
-    assert (looked(made), made.snapshot.polls) == (AWAY, 5)
+    assert (looked(made), made.snapshot.history.polls) == (AWAY, 5)
     clock[0] += observer.FRESH  # what was seen then may not be so any more
     assert looked(made) == {}
     clock[0] += made.interval
@@ -195,4 +195,4 @@ def test_a_mistake_of_ours_is_told_once_and_the_next_look_goes_on(
             looked(made)
     clock[0] += made.interval
     looked(made)
-    assert (made.snapshot.polls, said) == (1, ["no metrics of the graph: KeyError: 'missing'"])
+    assert (made.snapshot.history.polls, said) == (1, ["no metrics of the graph: KeyError: 'missing'"])

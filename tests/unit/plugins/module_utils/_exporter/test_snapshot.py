@@ -27,23 +27,20 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import M
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import ServiceProbe, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
+    DEAD,
+    recorded,
+    recorded_answers,
+    recorded_state,
+)
 
 STATE = recorded_state()
 Answers = dict[str, NodeAnswer]
 
 
 def answers(**changes: Any) -> Answers:
-    found = {
-        name: NodeAnswer(
-            replies["lookupNode"][2],
-            replies["getPid"][2],
-            bus=replies["getBusInfo"][2],
-            stats=bus_stats.stats(replies["getBusStats"]),
-        )
-        for name, replies in recorded("nodes").items()
-    }
-    found[DEAD] = NodeAnswer("http://127.0.0.1:9/", error="nothing listens", refused=True)
+    sent = {name: bus_stats.stats(replies["getBusStats"]) for name, replies in recorded("nodes").items()}
+    found = {name: replace(answer, stats=sent.get(name)) for name, answer in recorded_answers().items()}
     return {**found, **changes}
 
 
@@ -74,7 +71,7 @@ def poll(
 
 
 def samples(ros: Numbers, name: str, **labels: str) -> list[float]:
-    found = [family for family in families(Snapshot(ros, {}, 1)) if family.name == name]
+    found = [family for family in families(Snapshot(ros)) if family.name == name]
     return [number for family in found for had, number in family.samples if labels.items() <= had.items()]
 
 
@@ -134,7 +131,7 @@ def test_what_launch_files_started() -> None:
 def test_a_master_that_is_away_has_no_nodes() -> None:
     _ros, memory = two_polls()
     ros, memory = master_away(memory, "refused")
-    shown = {family.name for family in families(Snapshot(ros, memory.errors, memory.polls)) if family.samples}
+    shown = {family.name for family in families(Snapshot(ros, memory)) if family.samples}
     assert shown == {
         "ros_master_up",
         "ros_exporter_scrape_errors_total",
