@@ -14,7 +14,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL, Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
     ANEW,
     END,
@@ -154,6 +154,7 @@ class Scene:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
         self.ended: list[str] = []  # addresses
+        self.has_ended = self.ended.append
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.places = {OWN: URI}  # all others are elsewhere
@@ -180,9 +181,7 @@ class Scene:
             SPACE,
             cast("Ros1Client", self.world),
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
-            lambda: self.restarted_at,
-            lambda since: since >= self.whole_since,
-            self.ended.append,
+            cast("Keeper", self),
             self.log.append,
             lambda: self.at,
             self.sleep,
@@ -199,6 +198,9 @@ class Scene:
 
     def addresses(self, names: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, str], dict[str, str]]:
         return {name: self.places.get(name, "http://h:1/") for name in names}, dict.fromkeys(services, "rosrpc://h:2")
+
+    def is_whole(self, since: float) -> bool:
+        return since >= self.whole_since
 
     def sleep(self, seconds: float) -> None:
         self.at += seconds
