@@ -9,6 +9,7 @@ from dataclasses import replace
 from itertools import count, pairwise
 from threading import BoundedSemaphore
 from typing import Any, cast
+from unittest.mock import Mock, call
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
@@ -530,24 +531,16 @@ def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pyt
     assert not gates["robot-r1"].over
 
 
-def test_an_api_that_is_away_ends_nobodys_gates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_api_that_is_away_ends_nobodys_gates() -> None:
     class StopError(BaseException):
         """The loop has no end of its own."""
 
-    api, looks = ManyApi(), count()
-    every = AllGates(cast("Cluster", api), made=lambda _namespace: cast("Readiness", pytest.fail()))
-
-    def sleep(seconds: float) -> None:
-        assert seconds == REFRESH
-        if next(looks):
-            raise StopError
-
-    monkeypatch.setattr(every, "sleep", sleep)
-    every.gates["fleet"] = cast("Readiness", None)
+    api, sleep = ManyApi(), Mock(side_effect=[None, StopError])
     api.away = True
+    every = AllGates(cast("Cluster", api), pytest.fail, sleep, {"fleet": cast("Readiness", None)})
     with pytest.raises(StopError):
         every.run()
-    assert [*every.gates] == ["fleet"]
+    assert ([*every.gates], sleep.mock_calls) == (["fleet"], [call(REFRESH)] * 2)
 
 
 def test_what_the_version_before_sends_is_listened_to_once() -> None:
