@@ -48,8 +48,6 @@ class World(Api):
     def __init__(self, *namespaces: str) -> None:
         super().__init__(*(namespaces or [NAMESPACE]))
         self.at = 5000.0
-        self.there: dict[tuple[str, str], dict[str, Any]] = {}
-        self.maps: dict[tuple[str, str], dict[str, Any]] = {}
         self.fails: dict[str, Any] = {}  # a Deployment's name -> called when it is applied
         # the graph
         self.state_now = MasterState()
@@ -100,21 +98,9 @@ class World(Api):
 
     # ---- the API
 
-    def deployments(self, namespace: str) -> list[dict[str, Any]]:
-        self._ask("deployments")
-        return [item for (space, _name), item in self.there.items() if space == namespace]
-
-    def deployment(self, namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask("deployment")
-        return self.there.get((namespace, name))
-
     def pods(self, _namespace: str) -> list[dict[str, Any]]:
         self._ask("pods")
         return self.pods_now
-
-    def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask(name if name == "robot-updates" else "map")
-        return self.maps.get((namespace, name.removesuffix("-update")))
 
     def apply(self, namespace: str, body: dict[str, Any]) -> None:
         self._ask("apply")
@@ -210,6 +196,7 @@ def test_a_version_that_does_not_get_ready_is_taken_back() -> None:
 
 def test_a_run_at_work_is_let_alone() -> None:
     world = left_alone(ready_timeout=30)
+    world.silence = Silence({"/camera_2": ("http://10.42.0.9:1/", 500.0)})
     for _time in range(200):
         world.take()
         world.run(10)
