@@ -614,24 +614,20 @@ def test_what_is_the_whole_fleets_is_in_the_record_of_the_robot_that_changed_it(
 
 
 @pytest.mark.parametrize(
-    ("deployment", "stays"),
+    ("deployment", "server", "stays"),
     [
-        (live(version("camera", 2, node="/camera")), False),
-        (live(version("camera", 2, node="/camera"), ready=True), True),  # it kept its contract
-        (live(version("camera", 2, node="/camera"), marked=False), True),  # started again, not replaced
-        (live(version("other", 2)), True),  # nobody's that we know
+        (live(version("camera", 2, node="/camera")), "/camera", False),
+        (live(version("camera", 2, node="/camera"), ready=True), "/camera", True),  # it kept its contract
+        (live(version("camera", 2, node="/camera"), marked=False), "/camera", True),  # started again, not replaced
+        (live(version("other", 2)), "/camera", True),  # nobody's that we know
+        # known by its revision, whichever pod it is in
+        (live(version("camera", 2, node="/camera_1a2b3c4d")), "/camera_1a2b3c4d_79d9c6f8b5", False),
     ],
 )
-def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any], stays: bool) -> None:
+def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any], server: str, stays: bool) -> None:
     world = World()
     world.put(deployment, left())
-    assert Staying(world, lambda: world.at)("/dock", "/camera") is stays  # type: ignore[arg-type]
-
-
-def test_a_server_is_known_by_its_revision_whichever_pod_it_is_in() -> None:
-    world = World()
-    world.put(live(version("camera", 2, node="/camera_1a2b3c4d")), left())
-    assert not Staying(world, lambda: world.at)("/dock", "/camera_1a2b3c4d_79d9c6f8b5")  # type: ignore[arg-type]
+    assert Staying(world, lambda: world.at)("/dock", server) is stays  # type: ignore[arg-type]
 
 
 def test_a_launch_files_server_is_known_by_its_action() -> None:
