@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import exporter, families
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.claims import PERIOD
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.exporter import OPTIONS, PATH, Exporter
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import History, Numbers, Snapshot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
@@ -36,14 +37,18 @@ def test_a_scrape() -> None:
     assert (gzip.decompress(zipped.body), zipped.headers) == (plain.body, {"Content-Encoding": "gzip"})
 
 
-def test_claims_are_shown_where_they_are_looked_at(tmp_path: Path) -> None:
-    (tmp_path / "pvc-1_robot-a_logs-pvc").mkdir()
-    made = away(claims=str(tmp_path), namespace="robot-a", capacities='{"logs-pvc": 1024}')
+def test_claims_are_shown_with_the_size_that_is_known_and_looked_at_once_a_minute(tmp_path: Path) -> None:
+    for name in ("logs", "maps"):
+        (tmp_path / f"pvc-1_robot-a_{name}-pvc").mkdir()
+    made = away(claims=str(tmp_path), namespace="robot-a", capacities='{"logs-pvc": 1024, "gone-pvc": 7}')
     assert made.claims is not None
-    made.claims.once()
-    body = made.metrics(Asked("GET", PATH)).body
-    assert b'rosops_claim_capacity_bytes{claim="logs-pvc"} 1024.0\n' in body
-    assert b'rosops_claim_used_bytes{claim="logs-pvc"}' in body
+    assert made.claims.once() >= PERIOD
+    body = made.metrics(Asked("GET", PATH)).body.decode()
+    assert [line.partition(" ")[0] for line in body.splitlines() if line.startswith("rosops_claim")] == [
+        f'rosops_claim_{what}_bytes{{claim="{claim}-pvc"}}'
+        for what, claim in (("capacity", "logs"), ("used", "logs"), ("used", "maps"))
+    ]
+    assert 'rosops_claim_capacity_bytes{claim="logs-pvc"} 1024.0\n' in body
 
 
 # --- again and again -------------------------------------------------------------------------------------------------

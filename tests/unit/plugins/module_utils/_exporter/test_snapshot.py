@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import claim_families, families
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import families
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
     CALLER,
     FORGET_POLLS,
@@ -221,9 +221,3 @@ def because(cause: Exception) -> RosError:
 )
 def test_reasons(error: BaseException, word: str) -> None:
     assert reason(error) == word
-
-
-def test_claims_show_a_capacity_only_beside_what_is_used() -> None:
-    used, capacity = claim_families({"a": 10, "b": 5}, {"a": 100, "c": 7})
-    assert used.samples == [({"claim": "a"}, 10.0), ({"claim": "b"}, 5.0)]
-    assert capacity.samples == [({"claim": "a"}, 100.0)]
