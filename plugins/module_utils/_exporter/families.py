@@ -147,10 +147,6 @@ def text(families: Iterable[Family]) -> bytes:
 
 
 def escaped(word: str) -> str:
-    """
-    >>> escaped('a "b"')
-    'a \\\\"b\\\\"'
-    """
     return word.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
 
 
