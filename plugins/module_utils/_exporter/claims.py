@@ -18,11 +18,7 @@ BLOCK = 512  # of st_blocks, whatever the file system's own
 
 
 def claim_of(directory: str, namespace: str) -> str:
-    """The claim that a directory belongs to; nothing where it is another namespace's or no claim's.
-
-    >>> claim_of("pvc-0a1b_robot-r1_data-pvc", "robot-r1")
-    'data-pvc'
-    """
+    """The claim that a directory belongs to; nothing where it is another namespace's or no claim's."""
     parts = directory.split("_", 2)
     good = len(parts) == 3 and parts[0].startswith("pvc-") and parts[1] == namespace
     return parts[2] if good else ""

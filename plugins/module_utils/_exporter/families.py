@@ -15,7 +15,7 @@ import re
 from typing import Any, Iterable, Mapping, NamedTuple, Sequence, Tuple
 
 from .._ros.names import ANONYMOUS
-from .snapshot import REASONS, Snapshot
+from .snapshot import Snapshot
 
 GAUGE, COUNTER = "gauge", "counter"
 TOTAL = "_total"  # ends the name of a counter and of its samples, and is no part of its family's in the text
@@ -81,12 +81,12 @@ def families(snapshot: Snapshot) -> list[Family]:
 
 def _own(snapshot: Snapshot) -> list[Family]:
     """The exporter's metrics of itself."""
-    errors = {why: snapshot.errors.get(why, 0) for why in REASONS}
+    polls = snapshot.history.polls
     asked = "Questions to the master or a node that got no usable answer"
-    took, began = ({(): number} if snapshot.polls else {} for number in (snapshot.duration, snapshot.at))
+    took, began = ({(): number} if polls else {} for number in (snapshot.duration, snapshot.at))
     return [
-        family("ros_exporter_scrape_errors_total", asked, "reason", errors),
-        family("ros_exporter_polls_total", "Looks at the graph", "", {(): snapshot.polls}),
+        family("ros_exporter_scrape_errors_total", asked, "reason", snapshot.history.errors),
+        family("ros_exporter_polls_total", "Looks at the graph", "", {(): polls}),
         family("ros_exporter_poll_duration_seconds", "How long the last look took", "", took),
         family("ros_exporter_last_poll_timestamp_seconds", "When the last look began", "", began),
     ]
@@ -147,10 +147,6 @@ def text(families: Iterable[Family]) -> bytes:
 
 
 def escaped(word: str) -> str:
-    """
-    >>> escaped('a "b"')
-    'a \\\\"b\\\\"'
-    """
     return word.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
 
 

@@ -42,8 +42,7 @@ class Snapshot:
     """`ros` has the graph's metrics, by name. Without one nothing is known of it."""
 
     ros: Numbers = field(default_factory=dict)
-    errors: Mapping[str, int] = field(default_factory=dict)
-    polls: int = 0
+    history: History = field(default_factory=History)
     duration: float = 0.0
     at: float = 0.0
 

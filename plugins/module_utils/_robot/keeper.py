@@ -71,9 +71,8 @@ class Keeper:
         self.ended: queue.SimpleQueue[str] = queue.SimpleQueue()  # addresses of pods
         self.complete = bool(self.memory.master and self.params) or not self.keeps
         self.away = ""
-        self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}
-        self.seen: MasterState | None = None  # without types, as the last look had it
+        self.seen: MasterState | None = None  # as the last look had it; None: look up all of it next time
         self.due = 0.0  # when to look at all that is registered again,
         self.addresses_due = 0.0  # and at the addresses
         self.silence = Silence()
@@ -88,7 +87,7 @@ class Keeper:
             if not self.away:
                 self.log(f"the master is away: {error}")
             self.away = str(error)
-            self.state = None
+            self.seen = None
             return AWAY
         self.complete = bool(self.params) or not self.keeps
         held, quiet = self.held(), self.now() - self.restless >= QUIET
@@ -141,7 +140,7 @@ class Keeper:
     def _look(self) -> None:
         self._forget_ended()
         began = self.now()
-        rests = self.state is not None and began < self.due
+        rests = self.seen is not None and began < self.due
         if rests and _identity(self.ros.calls(self._who)) == self.memory.master:  # nobody restarted it
             self._keep_params(began)
             return
@@ -188,17 +187,15 @@ class Keeper:
         False: nothing was, so nothing can be missing, or worth keeping, that was not at the last look.
         """
         state = self.ros.state_of(system)
-        changed = self.state is None or anew or (state is not self.seen and state != self.seen)
-        self.seen = state
+        changed = anew or state != self.seen
         self.restless = now if changed else self.restless
         if not (changed or now >= self.addresses_due):
             return False
         types = self.ros.calls([("getTopicTypes", self.ros.caller)])[0]
         if isinstance(types, RosError):
             raise types
-        self.state = self.ros.state_of(system, types)
-        self.present = self._without_us(self.ros.snapshot(self.state))
-        self.addresses_due = now + ADDRESSES
+        self.present = self._without_us(self.ros.snapshot(self.ros.state_of(system, types)))
+        self.seen, self.addresses_due = state, now + ADDRESSES
         unknown = self.memory.unknown(self.present)
         answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
         self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
@@ -242,7 +239,7 @@ class Keeper:
         calls = self.memory.settle(need, self.present, answers, restarted, late)
         if calls:
             self.ros.apply(calls)
-            self.state = None  # look up all of it next time
+            self.seen = None
         return calls
 
     # ---- who is gone
@@ -291,7 +288,7 @@ class Keeper:
         calls = registrations.remove({node: registered}, [{node: Liveness(registrations.DEAD)}])
         self.ros.apply(calls)
         self.memory.bury(node, now)
-        self.state = None
+        self.seen = None
         self.log(f"removed {in_words(calls)}: {registrations.alive(entry, answer)}")
 
     # ---- parameters, and what is kept

@@ -21,11 +21,7 @@ _OWN = ("/parameter_descriptions", "/parameter_updates")
 
 
 def worth_keeping(published: Iterable[str], subscribed: Iterable[str]) -> list[str]:
-    """Topics of a node that may have something latched which its next version knows nothing of. No action's.
-
-    >>> worth_keeping(["/dock", "/work/status", "/work/result", "/rosout", "/a/parameter_updates"], ["/work/goal"])
-    ['/dock']
-    """
+    """Topics of a node that may have something latched which its next version knows nothing of. No action's."""
     topics = sorted(published)
     actions = [name[: -len("/status")] for name in topics if name.endswith("/status")]
     served = {name for name in actions if f"{name}/goal" in set(subscribed)}

@@ -157,11 +157,6 @@ def all_gates(cluster: Cluster, keeper: Keeper, latched: LatchedTopics | None) -
     turn = threading.BoundedSemaphore(LOOKS) if cluster.home == FLEET else contextlib.nullcontext()
 
     def made(namespace: str) -> Readiness:
-        known = keep_latched, lambda: keeper.restarted_at, keeper.is_whole, keeper.has_ended
-        return Readiness(cluster, namespace, ros, *known, tell, turn=turn)
+        return Readiness(cluster, namespace, ros, keep_latched, keeper, tell, turn=turn)
 
     return AllGates(cluster, made)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))

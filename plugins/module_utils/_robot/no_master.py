@@ -19,5 +19,4 @@ def methods(uri: str) -> Mapping[str, Callable[..., list[Any]]]:
         "getSystemState": lambda _caller: [1, "", [[], [], []]],
         "getTopicTypes": lambda _caller: [1, "", []],
         "getParam": lambda _caller, _key: [1, "", nobody],
-        "getParamNames": lambda _caller: [1, "", []],
     }

@@ -28,7 +28,7 @@ from .._step.objects import Object, address_of, annotations_of, app_of, gate_of,
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
 from .cluster_api import REFRESH, ApiError, Cluster
-from .keeper import FORGETFUL
+from .keeper import FORGETFUL, Keeper
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -93,9 +93,7 @@ class Readiness:
     namespace: str
     ros: Ros1Client  # of all looks: what one of them has read of a large graph the others need not read again
     keep_latched: Callable[[str, str, float], object]  # takes what a node has latched: its name, its address, seconds
-    restarted_at: Callable[[], float]  # when the master was seen to be another one than before, by `now`
-    is_whole: Callable[[float], bool]  # `Keeper.is_whole`
-    has_ended: Callable[[str], object]  # `Keeper.has_ended`
+    keeper: Keeper  # what it has seen of the master, by `now`
     log: Callable[[str], None]
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -214,11 +212,11 @@ class Readiness:
             if due(pod) != PROVE or container_of(pod) != container:
                 return
             if overall([check.verdict for check in checks]) == PASS:
-                if self.is_whole(looked_at):
+                if self.keeper.is_whole(looked_at):
                     break
                 checks = [Check("master", self.ros.uri, WAIT, FORGETFUL)]
             verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
-            if look.unregistered and began < self.restarted_at() <= now - UNHEARD:
+            if look.unregistered and began < self.keeper.restarted_at <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
                 self.cluster.tell(self.namespace, pod, "NodeUnheard", words)
@@ -271,7 +269,7 @@ class Readiness:
     def _end(self, pod: Object) -> None:
         """Its nodes leave the graph, and end: roscpp as process 1 of a container is deaf to SIGTERM."""
         if not pod["spec"].get("hostNetwork"):
-            self.has_ended(address_of(pod))
+            self.keeper.has_ended(address_of(pod))
         replaced = any(map(is_proven, self._others(pod)))
         for node in self._nodes([pod]):
             if not replaced:  # else that was done before the next one was said to be ready

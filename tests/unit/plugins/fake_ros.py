@@ -93,8 +93,8 @@ class Peers:
         self._ends: list[Callable[[], None]] = []
 
     def close(self) -> None:
-        for end in reversed(self._ends):
-            end()
+        while self._ends:
+            self._ends.pop()()
 
     def api(
         self, label: str, replies: dict[str, Any], multicall: bool = False, keep: bool = True, caller: bool = True

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import json_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import closed, events_of, went_back
 
 
 def test_it_reads_what_the_library_reads() -> None:
@@ -28,17 +27,3 @@ def test_what_is_none_or_does_harm(text: Any) -> None:
 @pytest.mark.parametrize("spoilt", ["[" * 100_000, '{"ends": Infinity}', '{"ready_timeout": "never"}'])
 def test_a_record_that_somebody_spoilt_is_none(spoilt: str) -> None:
     assert record_of({"data": {"contract.json": spoilt}}).revision == ""
-
-
-@pytest.mark.parametrize("phases", ["7", '"long"', "[1]", '{"wait": "long"}'])
-def test_events_that_somebody_spoilt_are_begun_anew(phases: str) -> None:
-    item = {
-        "data": {
-            "updates.json": f'{{"updates": [{{"app": "a", "started": 1, "outcome": "running", "phases": {phases}}}]}}'
-        }
-    }
-    assert [closed(one, None) for one in events_of(item)] == []
-
-
-def test_a_note_that_is_no_text() -> None:
-    assert went_back({"metadata": {"annotations": {"rosops.fleet/went-back": 7}}}) == {}

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.claims import BLOCK, PERIOD, Claims, look, used
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.claims import BLOCK, look, used
 
 
 def blocks(path: Path) -> int:
@@ -40,7 +40,3 @@ def test_what_claims_hold(tmp_path: Path) -> None:
 def test_what_may_not_be_read_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "closed").mkdir(mode=0)
     assert used(str(tmp_path)) >= 0
-
-
-def test_at_most_once_a_minute(tmp_path: Path) -> None:
-    assert Claims(str(tmp_path), "ns").once() >= PERIOD

@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families im
     families,
     text,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import Snapshot
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import History, Snapshot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import OUT
 from hypothesis import given
 from hypothesis import strategies as st
@@ -75,7 +75,8 @@ def test_every_family_that_the_exporter_has_is_good_style() -> None:
     words = {"": (), "node": "/n", "topic": "/t"}
     graph = {name: {words.get(labels, tuple(labels.split())): 1.0} for name, _about, labels in metrics_of.ROS}
     update = updates.Update("", "", "2", 1.0, 2.0, 0.5, {"gate": 1.0}, "1", "a", "drain", "updated")
-    made = [*families(Snapshot(graph, polls=1)), *claim_families({"data": 1}, {"data": 2}), *updates.families([update])]
+    seen = Snapshot(graph, History(polls=1))
+    made = [*families(seen), *claim_families({"data": 1}, {"data": 2}), *updates.families([update])]
     assert len({family.name for family in made}) == len(made)
     for family in made:
         assert family.help
@@ -126,7 +127,7 @@ def many(name: str, number: int, kind: str = GAUGE) -> Family:
 def test_a_node_with_thousands_of_topics_does_not_fill_the_database() -> None:
     flows = {(f"/t{number}", "/bad", OUT): 1.0 for number in range(20_000)}
     graph = {"ros_node_up": {"/bad": 1.0}, "ros_topic_messages_total": flows, "ros_topic_bytes_total": flows}
-    found = bounded(families(Snapshot(graph, {}, 1)))
+    found = bounded(families(Snapshot(graph)))
     assert sum(len(family.samples) for family in found) <= metrics_of.MOST + 1
     assert shown(found, "ros_node_up") == [({"node": "/bad"}, 1.0)]
     assert left_out(found) > 30_000

@@ -5,18 +5,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from contextlib import nullcontext
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer, Poller
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import Numbers
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.exporter import OPTIONS, Exporter
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import client
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded, until
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded
 
 NODES = recorded("nodes")
 
@@ -30,19 +26,20 @@ def overflow(*_args: Any) -> Any:
     raise OverflowError("int exceeds XML-RPC limits")
 
 
-def polls(uri: str, timeout: float, tell: Callable[[str], None] = lambda _line: None) -> Poller:
-    return Poller(Observer(uri, timeout), 10, Updates("/nonexistent"), tell, tell)
+def exporter(uri: str, timeout: float) -> Exporter:
+    """One of which no thread runs."""
+    return Exporter(uri, {**OPTIONS, "--timeout": str(timeout), "--updates": "/nonexistent"}, print)
 
 
-def poller(peers: Peers, nodes: dict[str, str], timeout: float = 0.5, **more: Any) -> Poller:
-    """A poller of a master that has these nodes, each subscribed to /chatter, and answers more."""
+def of_master(peers: Peers, nodes: dict[str, str], timeout: float = 0.5, **more: Any) -> Exporter:
+    """One of a master that has these nodes, each subscribed to /chatter, and answers more."""
     look_up = {name: [1, "node api", uri] if uri else [-1, "unknown node", ""] for name, uri in nodes.items()}
     state = [1, "", [[], [["/chatter", list(nodes)]], []]]
-    return polls(peers.api("master", {"getSystemState": state, "lookupNode": look_up.get, **more}), timeout)
+    return exporter(peers.api("master", {"getSystemState": state, "lookupNode": look_up.get, **more}), timeout)
 
 
-def errors(made: Poller) -> dict[str, int]:
-    return {why: number for why, number in made.snapshot.errors.items() if number}
+def errors(made: Exporter) -> dict[str, int]:
+    return {why: number for why, number in made.snapshot.history.errors.items() if number}
 
 
 def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
@@ -55,7 +52,7 @@ def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
         "/dead": "http://127.0.0.1:9/",
         "/unknown": "",
     }
-    made = poller(peers, nodes)
+    made = of_master(peers, nodes)
     began = time.monotonic()
     made.poll()
     ros = made.snapshot.ros
@@ -63,6 +60,9 @@ def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
     assert {key[1] for key in ros["ros_topic_messages_total"]} == {"/good", "/cpp"}
     assert errors(made) == {"timeout": 1, "refused": 1, "fault": 1, "malformed": 1, "overflow": 1}
     assert time.monotonic() - began < 3
+    assert {method for _label, method in peers.calls} <= {  # none of them changes anything
+        "getSystemState", "lookupNode", "getParam", "system.multicall", "getPid", "getBusInfo", "getBusStats",
+    }  # fmt: skip
 
 
 def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,7 @@ def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> 
         return [1, "", 7]
 
     nodes = {f"/n{i}": peers.api(f"n{i}", node(getPid=slow)) for i in range(12)}
-    made = poller(peers, nodes, 2)
+    made = of_master(peers, nodes, 2)
     made.poll()
     assert all(made.snapshot.ros["ros_node_up"].values())
     assert most[0] == 3
@@ -91,17 +91,9 @@ def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> 
 )
 def test_a_master_that_is_none(peers: Peers, reply: Any, why: str) -> None:
     hangs = f"http://127.0.0.1:{peers.hung()}/"
-    made = polls(peers.api("master", {"getSystemState": reply}) if reply else hangs, 0.5)
+    made = exporter(peers.api("master", {"getSystemState": reply}) if reply else hangs, 0.5)
     made.poll()
     assert (made.snapshot.ros, errors(made)) == ({"ros_master_up": {(): 0}}, {why: 1})
-
-
-def test_only_calls_that_change_nothing(peers: Peers) -> None:
-    made = poller(peers, {"/good": peers.api("good", node())})
-    made.poll()
-    assert {method for _label, method in peers.calls} <= {
-        "getSystemState", "lookupNode", "getParam", "system.multicall", "getPid", "getBusInfo", "getBusStats",
-    }  # fmt: skip
 
 
 def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +105,7 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
         for name in ("a", "b", "c")
     }
     told = {**servers, "hung": f"http://127.0.0.1:{peers.hung()}/", "elsewhere": "http://192.0.2.1:4711/"}
-    made = poller(peers, {"/good": peers.api("good", node()), "/unknown": ""}, getParam=[1, "", told])
+    made = of_master(peers, {"/good": peers.api("good", node()), "/unknown": ""}, getParam=[1, "", told])
     began = time.monotonic()
     made.poll()
     ros = made.snapshot.ros
@@ -131,7 +123,7 @@ def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.Monkey
               for parts in (("status",), ("goal", "cancel"))]  # fmt: skip
     services = [[name, ["/n"]] for name in ("/up", "/mute", "/unknown", "/n/get_loggers")]
     where = {"/up": "rosrpc://n:1", "/mute": "rosrpc://n:2"}
-    made = poller(
+    made = of_master(
         peers,
         {"/n": peers.api("n", node())},
         getSystemState=[1, "", [*topics, services]],
@@ -142,57 +134,3 @@ def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.Monkey
     assert ros["ros_service_up"] == {("/up", "/n"): True, ("/mute", "/n"): False, ("/unknown", "/n"): False}
     assert ({key[0] for key in ros["ros_action_goals"]}, read) == ({"/idle"}, ["/idle"])  # one message of it
     assert errors(made) == {"malformed": 2, "fault": 1}
-
-
-# --- again and again --------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The poller's, which stands still."""
-    at = [1000.0]
-    monkeypatch.setattr(observer, "time", SimpleNamespace(monotonic=lambda: at[0], time=time.time))
-    return at
-
-
-AWAY: Numbers = {"ros_master_up": {(): 0}}
-
-
-def looked(made: Poller) -> Numbers:
-    """What a scrape shows; the look that follows it has ended."""
-    shown = made.scraped()
-    until(lambda: not made.due.is_set())
-    return shown.ros
-
-
-def test_a_look_follows_each_scrape_and_is_shown_by_the_next_one(clock: list[float]) -> None:
-    made = polls("http://127.0.0.1:9/", 0.5)
-    made.start()
-    assert (made.snapshot.polls, looked(made)) == (0, {})
-    for number in range(1, 4):
-        clock[0] += made.interval
-        assert (looked(made), made.snapshot.polls) == (AWAY, number + 1)
-    clock[0] += made.interval / 2 - 0.1  # another one who scrapes
-    assert (looked(made), made.snapshot.polls) == (AWAY, 4)
-    clock[0] += 0.1
-    assert (looked(made), made.snapshot.polls) == (AWAY, 5)
-    clock[0] += observer.FRESH  # what was seen then may not be so any more
-    assert looked(made) == {}
-    clock[0] += made.interval
-    assert looked(made) == AWAY
-
-
-def test_a_mistake_of_ours_is_told_once_and_the_next_look_goes_on(
-    clock: list[float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    said: list[str] = []
-    made = polls("http://127.0.0.1:9/", 0.5, said.append)
-    made.start()
-    with monkeypatch.context() as broken:
-        broken.setattr(made, "_look", lambda: dict[str, Any]()["missing"])
-        for _scrape in range(3):
-            clock[0] += made.interval
-            looked(made)
-    clock[0] += made.interval
-    looked(made)
-    assert (made.snapshot.polls, said) == (1, ["no metrics of the graph: KeyError: 'missing'"])

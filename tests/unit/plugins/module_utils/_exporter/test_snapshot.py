@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import claim_families, families
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import families
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
     CALLER,
     FORGET_POLLS,
@@ -27,23 +27,20 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import M
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import ServiceProbe, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
+    DEAD,
+    recorded,
+    recorded_answers,
+    recorded_state,
+)
 
 STATE = recorded_state()
 Answers = dict[str, NodeAnswer]
 
 
 def answers(**changes: Any) -> Answers:
-    found = {
-        name: NodeAnswer(
-            replies["lookupNode"][2],
-            replies["getPid"][2],
-            bus=replies["getBusInfo"][2],
-            stats=bus_stats.stats(replies["getBusStats"]),
-        )
-        for name, replies in recorded("nodes").items()
-    }
-    found[DEAD] = NodeAnswer("http://127.0.0.1:9/", error="nothing listens", refused=True)
+    sent = {name: bus_stats.stats(replies["getBusStats"]) for name, replies in recorded("nodes").items()}
+    found = {name: replace(answer, stats=sent.get(name)) for name, answer in recorded_answers().items()}
     return {**found, **changes}
 
 
@@ -74,7 +71,7 @@ def poll(
 
 
 def samples(ros: Numbers, name: str, **labels: str) -> list[float]:
-    found = [family for family in families(Snapshot(ros, {}, 1)) if family.name == name]
+    found = [family for family in families(Snapshot(ros)) if family.name == name]
     return [number for family in found for had, number in family.samples if labels.items() <= had.items()]
 
 
@@ -134,7 +131,7 @@ def test_what_launch_files_started() -> None:
 def test_a_master_that_is_away_has_no_nodes() -> None:
     _ros, memory = two_polls()
     ros, memory = master_away(memory, "refused")
-    shown = {family.name for family in families(Snapshot(ros, memory.errors, memory.polls)) if family.samples}
+    shown = {family.name for family in families(Snapshot(ros, memory)) if family.samples}
     assert shown == {
         "ros_master_up",
         "ros_exporter_scrape_errors_total",
@@ -224,9 +221,3 @@ def because(cause: Exception) -> RosError:
 )
 def test_reasons(error: BaseException, word: str) -> None:
     assert reason(error) == word
-
-
-def test_claims_show_a_capacity_only_beside_what_is_used() -> None:
-    used, capacity = claim_families({"a": 10, "b": 5}, {"a": 100, "c": 7})
-    assert used.samples == [({"claim": "a"}, 10.0), ({"claim": "b"}, 5.0)]
-    assert capacity.samples == [({"claim": "a"}, 100.0)]

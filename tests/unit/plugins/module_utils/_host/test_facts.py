@@ -221,24 +221,17 @@ def test_a_file_that_k3s_does_not_read_is_looked_at_and_makes_no_start_due(tmp_p
     assert compared[3:] == ["/read"]
 
 
-@pytest.mark.parametrize(("role", "path", "etcd"), [
-    ("server", "db/etcd", True), ("server", "db/state.db", False), ("agent", "db/etcd", False),
+@pytest.mark.parametrize(("role", "path", "said"), [
+    ("server", "db/etcd/member", {"data", "etcd"}), ("server", "db/state.db", {"data"}),
+    ("agent", "db/etcd/member", set()), ("server", "cred/encryption-config.json", {"encrypts"}),
+    ("agent", "cred/encryption-config.json", set()),
 ])  # fmt: skip
-def test_which_datastore_a_server_has(tmp_path: Path, role: str, path: str, etcd: bool) -> None:
-    (tmp_path / "var/lib/rancher/k3s/server" / path).mkdir(parents=True)
-    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
-    found = _host_facts.k3s_facts(host, {**AGENT, "role": role})
-    assert (found["etcd"], found["data"]) == (etcd, role == "server")
-
-
-@pytest.mark.parametrize(("role", "encrypts"), [("server", True), ("agent", False)])
-def test_whether_secrets_are_encrypted(tmp_path: Path, role: str, encrypts: bool) -> None:
-    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
-    assert _host_facts.k3s_facts(host, {**AGENT, "role": role})["encrypts"] is False
-    key = tmp_path / "var/lib/rancher/k3s/server/cred/encryption-config.json"
-    key.parent.mkdir(parents=True)
-    key.write_text("{}")
-    assert _host_facts.k3s_facts(host, {**AGENT, "role": role})["encrypts"] is encrypts
+def test_which_datastore_a_server_has_and_whether_it_encrypts(
+    tmp_path: Path, role: str, path: str, said: set[str]
+) -> None:
+    tree(tmp_path, {f"/var/lib/rancher/k3s/server/{path}": ""})
+    found = _host_facts.k3s_facts(K3sHost(lambda _argv: (0, "", ""), str(tmp_path)), {**AGENT, "role": role})
+    assert {key for key in ("data", "etcd", "encrypts") if found[key]} == said
 
 
 @pytest.mark.parametrize(("state", "restarts", "ready"), [

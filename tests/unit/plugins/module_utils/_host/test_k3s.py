@@ -107,11 +107,9 @@ class Commands:
 
     def __init__(self, answers: dict[str, tuple[int, str, str]]) -> None:
         self.answers = answers
-        self.asked: list[str] = []
 
     def __call__(self, command: list[str], **_options: Any) -> tuple[int, str, str]:
         line = " ".join(command)
-        self.asked.append(line)
         return next((answer for part, answer in self.answers.items() if part in line), (1, "", "unexpected"))
 
 
@@ -119,26 +117,25 @@ def systemctl(**changes: str) -> tuple[int, str, str]:
     return 0, "\n".join(f"{key}={value}" for key, value in {**ACTIVE, **changes}.items()), ""
 
 
-def test_an_agent_that_runs_is_ready_without_a_word_to_the_server() -> None:
-    run = Commands({"show k3s-agent": systemctl()})
-    assert K3sHost(run).look("agent").verdict == "pass"
-    assert len(run.asked) == 1
+AGENT_UP, UP = {"show k3s-agent": systemctl()}, {"show k3s": systemctl(), "/readyz": (0, "ok", "")}
+VOTER = json.dumps({"status": {"conditions": [{"type": "EtcdIsVoter", "status": "True"}]}})
 
 
-def test_a_server_is_ready_when_its_api_is() -> None:
-    run = Commands({"show k3s": systemctl(), "/readyz": (1, "", "connection refused")})
-    seen = K3sHost(run).look("server")
-    assert (seen.verdict, seen.observed) == ("wait", "/readyz: connection refused")
-    run.answers["/readyz"] = (0, "ok", "")
-    assert K3sHost(run).look("server").verdict == "pass"
-
-
-def test_a_member_waits_for_its_node_and_its_vote() -> None:
-    run = Commands({"show k3s": systemctl(), "/readyz": (0, "ok", ""), "/nodes/edge2": (1, "", "not found")})
-    assert K3sHost(run).look("server", "edge2").observed == "Node edge2: not found"
-    node = {"status": {"conditions": [{"type": "EtcdIsVoter", "status": "True"}]}}
-    run.answers["/nodes/edge2"] = (0, json.dumps(node), "")
-    assert K3sHost(run).look("server", "edge2").verdict == "pass"
+@pytest.mark.parametrize(
+    ("role", "member", "answers", "verdict", "observed"),
+    [
+        ("agent", "", AGENT_UP, "pass", "the unit is active (running)"),  # without a word to the server
+        ("server", "", {**UP, "/readyz": (1, "", "connection refused")}, "wait", "/readyz: connection refused"),
+        ("server", "", UP, "pass", "the unit is active (running)"),
+        ("server", "edge2", {**UP, "/nodes/edge2": (1, "", "not found")}, "wait", "Node edge2: not found"),
+        ("server", "edge2", {**UP, "/nodes/edge2": (0, VOTER, "")}, "pass", "etcd member has a vote"),
+    ],
+)
+def test_what_is_ready(
+    role: str, member: str, answers: dict[str, tuple[int, str, str]], verdict: str, observed: str
+) -> None:
+    seen = K3sHost(Commands(answers)).look(role, member)
+    assert (seen.verdict, seen.observed) == (verdict, observed)
 
 
 def test_stale_compares_with_what_the_unit_wrote_down(tmp_path: Path) -> None:

@@ -86,8 +86,9 @@ class World(Api):
         super().__init__(SPACE)
         self.at, self.begin = 5000.0, MIDNIGHT + 3600.0
         self.master_away, self.whole_since = False, 0.0  # the time since when it has all that the one before had
-        self.maps = {item["metadata"]["name"]: item for item in rest_maps(INVENTORY)}
-        self.there = {app: live(version(app, 2, SPACE, f"/{app}"), marked=False, ready=True) for app in ("arm", "base")}
+        self.maps = {(SPACE, item["metadata"]["name"]): item for item in rest_maps(INVENTORY)}
+        for app in ("arm", "base"):
+            self.there[SPACE, app] = live(version(app, 2, SPACE, f"/{app}"), marked=False, ready=True)
         self.servers = dict(SERVERS)
         self.goals: dict[str, int] = {}  # action -> how many are under way
         self.waiting: dict[str, int] = {}  # that are held
@@ -125,20 +126,8 @@ class World(Api):
 
     # ---- the cluster
 
-    def deployments(self, _namespace: str) -> list[dict[str, Any]]:
-        self._ask("")
-        return [*self.there.values()]
-
-    def deployment(self, _namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask("")
-        return self.there.get(name)
-
     def pods(self, _namespace: str) -> list[dict[str, Any]]:
         return [pod("arm", 2, "10.42.0.1"), pod("base", 2, "10.42.0.2")]
-
-    def config_map(self, _namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask("")
-        return self.maps.get(name)
 
     def apply(self, *_: Any) -> None:
         raise AssertionError("nobody changes anything here")

@@ -83,6 +83,8 @@ class Api:
     def __init__(self, *spaces: str) -> None:
         self.spaces, self.home = [*spaces], spaces[0]
         self.leases_now: dict[str, dict[str, Any]] = {}
+        self.there: dict[tuple[str, str], dict[str, Any]] = {}  # Deployments, by namespace and name,
+        self.maps: dict[tuple[str, str], dict[str, Any]] = {}  # and ConfigMaps, an app's record by the app's name
         self.number, self.away = 10, False
         self.requests: list[str] = []
         self.done: list[str] = []
@@ -117,6 +119,18 @@ class Api:
         self.leases_now[namespace] = made
         self.done.append(f"lease {body['spec']['holderIdentity'] or 'free'}")
         return made
+
+    def deployments(self, namespace: str) -> list[dict[str, Any]]:
+        self._ask("deployments")
+        return [item for (space, _name), item in self.there.items() if space == namespace]
+
+    def deployment(self, namespace: str, name: str) -> dict[str, Any] | None:
+        self._ask("deployment")
+        return self.there.get((namespace, name))
+
+    def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
+        self._ask(name if name == "robot-updates" else "map")
+        return self.maps.get((namespace, name.removesuffix("-update")))
 
     def load(self, part: str) -> Any:
         return self.files.get(part)

@@ -93,7 +93,7 @@ def test_what_cannot_be_known_is_no_answer(world: World, may: Says) -> None:
     assert may() == (1, "answered 503: the ROS master does not answer")
     world.maps.clear()
     assert may() == (1, f"answered 404: {UNTOLD}")
-    world.maps["robot-rest"] = {"data": {"rest.json": '{"apps": 3}'}}
+    world.maps[SPACE, "robot-rest"] = {"data": {"rest.json": '{"apps": 3}'}}
     assert may() == (1, f"answered 404: {UNTOLD}")
     world.away = True
     assert may() == (1, "answered 503: the API server is away")

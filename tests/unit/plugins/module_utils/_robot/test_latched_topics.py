@@ -138,11 +138,8 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     made.end()
 
 
-def kept(stage: Stage) -> Slave:
-    """A next publisher, in whose place the keeper gives what the old one had latched."""
-    topic = LatchingTopic()
-    old = stage.node(OLD, topic)
-    topic.publish(b"at the charger")
+def followed(stage: Stage, old: Slave) -> Slave:
+    """The next publisher, in whose place the keeper gives what the old one had latched."""
     assert stage.hook(old) == ""
     stage.look()
     stage.end_of(old)
@@ -152,6 +149,14 @@ def kept(stage: Stage) -> Slave:
     stage.look(SETTLE)
     assert stage.offered()
     return new
+
+
+def kept(stage: Stage) -> Slave:
+    """The same, of one that nobody listened to."""
+    topic = LatchingTopic()
+    old = stage.node(OLD, topic)
+    topic.publish(b"at the charger")
+    return followed(stage, old)
 
 
 def test_who_comes_later_gets_it_until_the_next_publisher_speaks(stage: Stage) -> None:
@@ -176,12 +181,7 @@ def test_who_had_it_does_not_get_it_again_unless_it_subscribes_anew(stage: Stage
     topic.publish(b"go there")
     early = stage.subscriber("/early", old)
     assert early.get(timeout=5) == b"go there"
-    assert stage.hook(old) == ""
-    stage.look()
-    stage.end_of(old)
-    stage.node(NEW)
-    stage.look()
-    stage.look(SETTLE)
+    followed(stage, old)
     stream = stage.connect("/early", stage.slave, early)
     assert stage.subscriber("/late", stage.slave).get(timeout=5) == b"go there"  # it has nothing to wait for
     assert early.empty()

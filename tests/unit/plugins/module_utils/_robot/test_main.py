@@ -47,40 +47,28 @@ def test_other_files_than_it_was_begun_from_are_noticed(tmp_path: Path) -> None:
     assert code_of(str(tmp_path / "by hand" / "run.py")) == ""  # no kubelet brings others there
 
 
-def test_each_namespace_has_gates_of_its_own_and_a_whole_fleets_take_turns(tmp_path: Path) -> None:
+def test_each_namespace_has_gates_and_a_thread_of_its_own_and_a_whole_fleets_take_turns(tmp_path: Path) -> None:
     for home, bound in (("robot-r1", None), ("fleet", main.LOOKS)):
         (tmp_path / home).mkdir()
         api = start_server(tmp_path / home, home)
         cluster = Cluster(environment(api), str(tmp_path / home))
         keeper = Keeper(Registrar("http://master:11311"), KeptFiles(str(tmp_path), main.tell), main.tell)
         every = main.all_gates(cluster, keeper, None)
-        one, other = every.made("robot-r1"), every.made("robot-r2")
-        api.stop()
-        keeper.restarted_at = 7.0
-        assert (one.is_whole, one.has_ended) == (keeper.is_whole, keeper.has_ended)
-        assert (one.namespace, other.namespace, one.ros.uri, one.restarted_at()) == (
-            "robot-r1", "robot-r2", "http://master:11311", 7.0,
-        )  # fmt: skip
+        api.put("/api/v1/namespaces/fleet/configmaps/robot-r1", {"metadata": {}})
+        pods = [f"/api/v1/namespaces/{one}/pods" for one in dict.fromkeys((home, "robot-r1"))]
+        try:
+            every.look()
+            assert sorted(api.next_watch()[0] for _namespace in every.gates) == pods
+        finally:
+            for one in every.gates.values():
+                one.over = True
+            for path in pods:
+                api.send(path, END)
+            api.stop()
+        one, other = every.gates["robot-r1"], every.made("robot-r2")
+        assert (one.namespace, one.ros.uri, one.keeper) == ("robot-r1", "http://master:11311", keeper)
         assert one.keep_latched("/a", "http://a:1/", 1.0) == []
         assert (one.turn is other.turn) and (one.ros is other.ros) and getattr(one.turn, "_value", None) == bound
-
-
-def test_the_pods_of_each_robot_are_watched_in_threads_of_their_own(tmp_path: Path) -> None:
-    api = start_server(tmp_path, "fleet")
-    cluster = Cluster(environment(api), str(tmp_path))
-    keeper = Keeper(Registrar("http://master:11311"), KeptFiles(str(tmp_path), main.tell), main.tell)
-    every = main.all_gates(cluster, keeper, None)
-    api.put("/api/v1/namespaces/fleet/configmaps/robot-r1", {"metadata": {}})
-    pods = [f"/api/v1/namespaces/{one}/pods" for one in ("fleet", "robot-r1")]
-    try:
-        every.look()
-        assert sorted(api.next_watch()[0] for _namespace in every.gates) == pods
-    finally:
-        for one in every.gates.values():
-            one.over = True
-        for path in pods:
-            api.send(path, END)
-        api.stop()
 
 
 def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

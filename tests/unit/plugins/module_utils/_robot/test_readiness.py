@@ -9,12 +9,13 @@ from dataclasses import replace
 from itertools import count, pairwise
 from threading import BoundedSemaphore
 from typing import Any, cast
+from unittest.mock import Mock, call
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL, Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
     ANEW,
     END,
@@ -154,6 +155,7 @@ class Scene:
         self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
         self.done: list[tuple[str, ...]] = []
         self.ended: list[str] = []  # addresses
+        self.has_ended = self.ended.append
         self.log: list[str] = []
         self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.places = {OWN: URI}  # all others are elsewhere
@@ -180,9 +182,7 @@ class Scene:
             SPACE,
             cast("Ros1Client", self.world),
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
-            lambda: self.restarted_at,
-            lambda since: since >= self.whole_since,
-            self.ended.append,
+            cast("Keeper", self),
             self.log.append,
             lambda: self.at,
             self.sleep,
@@ -199,6 +199,9 @@ class Scene:
 
     def addresses(self, names: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, str], dict[str, str]]:
         return {name: self.places.get(name, "http://h:1/") for name in names}, dict.fromkeys(services, "rosrpc://h:2")
+
+    def is_whole(self, since: float) -> bool:
+        return since >= self.whole_since
 
     def sleep(self, seconds: float) -> None:
         self.at += seconds
@@ -528,24 +531,16 @@ def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pyt
     assert not gates["robot-r1"].over
 
 
-def test_an_api_that_is_away_ends_nobodys_gates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_api_that_is_away_ends_nobodys_gates() -> None:
     class StopError(BaseException):
         """The loop has no end of its own."""
 
-    api, looks = ManyApi(), count()
-    every = AllGates(cast("Cluster", api), made=lambda _namespace: cast("Readiness", pytest.fail()))
-
-    def sleep(seconds: float) -> None:
-        assert seconds == REFRESH
-        if next(looks):
-            raise StopError
-
-    monkeypatch.setattr(every, "sleep", sleep)
-    every.gates["fleet"] = cast("Readiness", None)
+    api, sleep = ManyApi(), Mock(side_effect=[None, StopError])
     api.away = True
+    every = AllGates(cast("Cluster", api), pytest.fail, sleep, {"fleet": cast("Readiness", None)})
     with pytest.raises(StopError):
         every.run()
-    assert [*every.gates] == ["fleet"]
+    assert ([*every.gates], sleep.mock_calls) == (["fleet"], [call(REFRESH)] * 2)
 
 
 def test_what_the_version_before_sends_is_listened_to_once() -> None:

@@ -48,8 +48,6 @@ class World(Api):
     def __init__(self, *namespaces: str) -> None:
         super().__init__(*(namespaces or [NAMESPACE]))
         self.at = 5000.0
-        self.there: dict[tuple[str, str], dict[str, Any]] = {}
-        self.maps: dict[tuple[str, str], dict[str, Any]] = {}
         self.fails: dict[str, Any] = {}  # a Deployment's name -> called when it is applied
         # the graph
         self.state_now = MasterState()
@@ -100,21 +98,9 @@ class World(Api):
 
     # ---- the API
 
-    def deployments(self, namespace: str) -> list[dict[str, Any]]:
-        self._ask("deployments")
-        return [item for (space, _name), item in self.there.items() if space == namespace]
-
-    def deployment(self, namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask("deployment")
-        return self.there.get((namespace, name))
-
     def pods(self, _namespace: str) -> list[dict[str, Any]]:
         self._ask("pods")
         return self.pods_now
-
-    def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
-        self._ask(name if name == "robot-updates" else "map")
-        return self.maps.get((namespace, name.removesuffix("-update")))
 
     def apply(self, namespace: str, body: dict[str, Any]) -> None:
         self._ask("apply")
@@ -210,6 +196,7 @@ def test_a_version_that_does_not_get_ready_is_taken_back() -> None:
 
 def test_a_run_at_work_is_let_alone() -> None:
     world = left_alone(ready_timeout=30)
+    world.silence = Silence({"/camera_2": ("http://10.42.0.9:1/", 500.0)})
     for _time in range(200):
         world.take()
         world.run(10)
@@ -627,24 +614,20 @@ def test_what_is_the_whole_fleets_is_in_the_record_of_the_robot_that_changed_it(
 
 
 @pytest.mark.parametrize(
-    ("deployment", "stays"),
+    ("deployment", "server", "stays"),
     [
-        (live(version("camera", 2, node="/camera")), False),
-        (live(version("camera", 2, node="/camera"), ready=True), True),  # it kept its contract
-        (live(version("camera", 2, node="/camera"), marked=False), True),  # started again, not replaced
-        (live(version("other", 2)), True),  # nobody's that we know
+        (live(version("camera", 2, node="/camera")), "/camera", False),
+        (live(version("camera", 2, node="/camera"), ready=True), "/camera", True),  # it kept its contract
+        (live(version("camera", 2, node="/camera"), marked=False), "/camera", True),  # started again, not replaced
+        (live(version("other", 2)), "/camera", True),  # nobody's that we know
+        # known by its revision, whichever pod it is in
+        (live(version("camera", 2, node="/camera_1a2b3c4d")), "/camera_1a2b3c4d_79d9c6f8b5", False),
     ],
 )
-def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any], stays: bool) -> None:
+def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any], server: str, stays: bool) -> None:
     world = World()
     world.put(deployment, left())
-    assert Staying(world, lambda: world.at)("/dock", "/camera") is stays  # type: ignore[arg-type]
-
-
-def test_a_server_is_known_by_its_revision_whichever_pod_it_is_in() -> None:
-    world = World()
-    world.put(live(version("camera", 2, node="/camera_1a2b3c4d")), left())
-    assert not Staying(world, lambda: world.at)("/dock", "/camera_1a2b3c4d_79d9c6f8b5")  # type: ignore[arg-type]
+    assert Staying(world, lambda: world.at)("/dock", server) is stays  # type: ignore[arg-type]
 
 
 def test_a_launch_files_server_is_known_by_its_action() -> None:

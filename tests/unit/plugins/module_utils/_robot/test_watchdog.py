@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -136,15 +137,6 @@ def test_a_laptop_that_sleeps_costs_one_request() -> None:
     assert world.done == EVICTED
 
 
-def test_nobody_takes_a_step_meanwhile() -> None:
-    """Neither is one disturbed that is under way, nor does one begin that would find the pod gone."""
-    world = hanging()
-    for _time in range(16):
-        world.take()
-        world.run(LOOK)
-    assert world.done == []
-
-
 @pytest.mark.parametrize(("request_", "said"), [("lease", []), ("write_lease", ["somebody else changes it now"])])
 def test_a_lease_that_is_taken_just_then_is_the_other_ones(request_: str, said: list[str]) -> None:
     world = hanging()
@@ -173,20 +165,18 @@ def test_not_during_a_goal() -> None:
     assert world.done[1] == f"evict {NAMESPACE}/camera-x in its own time"  # a goal that begins now may end
 
 
-def test_a_goal_that_begins_while_the_lease_is_taken_is_waited_for_too() -> None:
+@pytest.mark.parametrize(
+    ("happens", "said"),
+    [
+        (lambda world: world.goals.update({"/planner": busy(ACTIVE)}), LEFT + "/plan ACTIVE"),
+        (lambda world: world.answering.add("/camera"), f"{NAMESPACE}/camera: node /camera answers again"),
+    ],
+)
+def test_what_comes_while_the_lease_is_taken_keeps_the_pod(happens: Callable[[World], None], said: str) -> None:
     world = planning(hanging())
-    world.before("write_lease", lambda *_: world.goals.update({"/planner": busy(ACTIVE)}))
+    world.before("write_lease", lambda *_: happens(world))
     world.run(LOOK)
-    assert world.done == ["lease ros-keeper", "lease free"]
-    assert world.said == [LEFT + "/plan ACTIVE"]
-
-
-def test_a_node_that_answers_by_then_stays() -> None:
-    world = hanging()
-    world.before("write_lease", lambda *_: world.answering.add("/camera"))
-    world.run(LOOK)
-    assert world.done == ["lease ros-keeper", "lease free"]
-    assert world.said == [f"{NAMESPACE}/camera: node /camera answers again"]
+    assert (world.done, world.said) == (["lease ros-keeper", "lease free"], [said])
 
 
 def test_goals_elsewhere_are_no_reason() -> None:
