@@ -31,7 +31,7 @@ class Pod:
         # what calls keep lies in /tmp by the node's name: one of its own for each test
         self.name = f"{name}_{scene.port}"
         self.node = f"/{self.name}"
-        self.revision, self.template = "0a1b2c3d", ""
+        self.revision = "0a1b2c3d"
         self.hooks = scene.directory / f"pod_{name}" / "hooks"
         self.hooks.mkdir(parents=True)
         write_code(self.hooks)
@@ -47,7 +47,7 @@ class Pod:
     def environ(self) -> dict[str, str]:
         return {
             "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.settings,
-            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision, "ROSOPS_TEMPLATE_HASH": self.template,
+            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision,
         }  # fmt: skip
 
     def call(self, word: str, *more: str) -> tuple[int, str]:
@@ -201,34 +201,6 @@ def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
     assert listener.call("started") == (0, "")
     assert talker.call("started") == (0, "")
     until("numbers", lambda: any(entry["count"] for entry in scene.log(listener.node)))
-
-
-def test_a_pod_that_no_step_brings_takes_the_place_of_the_one_before_when_it_has_all_of_it(
-    scene: Scene, pods: Any
-) -> None:
-    """`kubectl rollout restart`: one revision, another template. A node that has registered may be loading still."""
-    old, new = pods("old"), pods("new")
-    for pod, template in ((old, "4"), (new, "5")):
-        pod.template = template
-        pod.name = f"talker_{scene.port}_0a1b2c3d_{template}"
-        pod.node = f"/{pod.name}"
-    scene.start_master()
-    scene.start("listener", "/listener")
-    scene.until_registered("/listener")
-    scene.start("talker", old.node)
-    assert old.call("started") == (0, "")
-    scene.start("hearer", new.node, "/another")  # in the place of one that publishes nothing yet
-    until("the new node", lambda: new.node in scene.registered())
-    assert new.call("started")[1] == f"not ready: topic /numbers: {new.node} lives, but does not publish it"
-    scene.kill(new.node)
-    until("its end", lambda: scene.processes[new.node].poll() is not None)
-    scene.start("talker", new.node)
-    assert new.call("started") == (0, "")
-    assert old.call("stop") == (0, "")
-    until("the old one's end", lambda: old.node not in scene.registered())
-    seen = len(scene.log("/listener"))
-    until("more numbers", lambda: len(scene.log("/listener")) > seen)
-    assert {new.node} == {node for node in scene.registered() if node.startswith("/talker_")}
 
 
 def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_for(scene: Scene, pods: Any) -> None:

@@ -27,22 +27,6 @@ def node(package: str = "base", args: str = "", remaps: Any = ()) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("name", "plain"),
-    [
-        ("/camera_1a2b3c4d", "/camera"),
-        ("/camera_1a2b3c4d/image", "/camera/image"),
-        ("/camera_1a2b3c4d_79d9c6f8b5/image", "/camera/image"),
-        ("/front/lidar_99999999", "/front/lidar"),
-        ("/camera_1a2b3c4de", "/camera_1a2b3c4de"),  # longer, or in capitals: somebody else's name
-        ("/camera_1A2B3C4D", "/camera_1A2B3C4D"),
-        ("/tf", "/tf"),
-    ],
-)
-def test_a_name_without_its_revision(name: str, plain: str) -> None:
-    assert launch.stable(name) == plain
-
-
-@pytest.mark.parametrize(
     ("name", "moved"),
     [
         ("/camera", "/camera_1a2b3c4d"),
