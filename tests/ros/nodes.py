@@ -35,7 +35,6 @@ from std_msgs.msg import (
 from std_srvs.srv import Trigger
 
 HZ = 500
-NEAR_OVERFLOW = 2**31 - 10_000
 _lock = threading.Lock()
 
 
@@ -256,18 +255,6 @@ def counted(log: Log, topic: str = "/fast", hertz: str = "500") -> None:
         time.sleep(max(0.0, began + count * period - time.monotonic()))
 
 
-def loud(log: Log, topic: str = "/loud") -> None:
-    """Its first connection has carried nearly two gigabytes: soon rospy cannot say how many."""
-    out = rospy.Publisher(topic, UInt64, queue_size=10)
-    log(up=True)
-    while not rospy.is_shutdown():
-        for queued in out.impl.connections:
-            connection = queued._connection
-            connection.stat_bytes = max(connection.stat_bytes, NEAR_OVERFLOW)
-        out.publish(1)
-        time.sleep(0.01)
-
-
 def points(_log: Log) -> None:
     """A hundred a second, with numbers that rospy counts up."""
     out = rospy.Publisher("/points", GoalStatusArray, queue_size=1000)
@@ -326,7 +313,7 @@ KINDS: dict[str, Callable[..., None]] = {
     function.__name__: function
     for function in (
         talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller, hearer,
-        counted, loud, points, chatter, robot, camera,
+        counted, points, chatter, robot, camera,
     )
 }  # fmt: skip
 

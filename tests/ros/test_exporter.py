@@ -107,17 +107,3 @@ def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
     ours, theirs = between_polls(scene, first, last, "/talker")
     assert ours == pytest.approx(theirs, rel=TOLERANCE)  # counted on, as nothing was lost
     assert scene.said().count("the master is away") == 1
-
-
-def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> None:
-    scene.start("loud", "/shouter")
-    scene.until_registered("/shouter")
-    scene.start("listener", "/listener", "/loud")
-    scene.start_exporter()
-    until("the fault", lambda: scene.scrape()("ros_exporter_scrape_errors_total", reason="overflow") > 2)
-    found = scene.scrape()
-    assert found("ros_node_up", node="/shouter") == 1
-    assert found("ros_topic_connections", topic="/loud", node="/shouter", direction="out") == 1
-    assert found.all("ros_topic_messages_total", node="/shouter") == []
-    # the other end still counts
-    assert messages(found, "/loud", "/listener", "in") > 0

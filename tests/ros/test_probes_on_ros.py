@@ -11,7 +11,6 @@ import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from unittest.mock import ANY
 
 import pytest
 from pod_code import write_code
@@ -79,28 +78,6 @@ def talking(scene: Scene, pod: Pod) -> None:
     scene.start("listener", "/listener")
     scene.until_registered("/listener")
     scene.start("talker", pod.node)
-
-
-@pytest.mark.parametrize("own_name", [False, True])
-def test_parameters_come_before_the_app_and_go_with_its_node(scene: Scene, pods: Any, own_name: bool) -> None:
-    pod = pods("talker", params={"~rate": 20, "~pid": {"gain": 1.5, "names": ["a"], "on": True}, "/limits/speed": 2})
-    if own_name:  # as under overlap
-        pod.name = f"{pod.name}_0a1b2c3d"
-        pod.node = f"/{pod.name}"
-    scene.start_master()
-    master = xmlrpc.client.ServerProxy(scene.uri)
-    assert pod.call("exec", "sh", "-c", "exit 3") == (3, "")
-    assert pod.call("exec") == (0, "")
-    given = {"rate": 20, "pid": {"gain": 1.5, "names": ["a"], "on": True}}
-    assert master.getParam("/test", pod.node) == [1, ANY, given]
-    assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
-    scene.start("talker", pod.node)
-    assert pod.call("started") == (0, "")
-    master.setParam("/test", f"{pod.node}/found_at_run_time", 1)
-    assert pod.call("stop") == (0, "")
-    left = master.getParam("/test", pod.node)
-    assert left == [-1, ANY, 0] if own_name else [1, ANY, {"found_at_run_time": 1}]
-    assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
 
 
 @pytest.mark.parametrize("own_name", [False, True])
