@@ -99,20 +99,6 @@ def judge(master: Ros1Client, **params: Any) -> dict[tuple[str, str], tuple[str,
 # ---- the master
 
 
-@pytest.mark.parametrize(
-    ("uri", "words"),
-    [
-        ("http://127.0.0.1:{dead}", "the ROS master does not answer: nothing listens at"),
-        ("http://127.0.0.1:{other}", "is not one"),
-    ],
-)
-def test_a_master_that_is_none(ros: Replay, uri: str, words: str) -> None:
-    other = ros.peers.api("other", {}).split(":")[2].rstrip("/")
-    master = Ros1Client(uri.format(dead=ros.peers.dead(), other=other), SHORT)
-    with pytest.raises(RosError, match=words):
-        master.state(types=True)
-
-
 @pytest.mark.parametrize(("uri", "timeout"), [("master:11311", 2.0), ("http://m", 2.0), ("http://m:1", 0.0)])
 def test_options_that_cannot_be(uri: str, timeout: float) -> None:
     with pytest.raises(RosError):
