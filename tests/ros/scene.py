@@ -126,9 +126,9 @@ class Scene:
         if number == signal.SIGKILL:
             self.processes[name].wait()
 
-    def stop(self, name: str, kill: bool = False) -> int:
+    def stop(self, name: str) -> int:
         process = self.processes.pop(name)
-        (process.kill if kill else process.terminate)()
+        process.terminate()
         return process.wait(20)
 
     def end(self) -> None:

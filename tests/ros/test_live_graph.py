@@ -121,7 +121,7 @@ def test_an_update_of_a_publisher(scene: GraphScene) -> None:
     assert scene.wait(wanted, 60, stable=2).unmet == []
 
     # a peer that was killed is not the update's fault; asked for without that leave, it is missing
-    scene.stop("/listener", kill=True)
+    scene.kill("/listener")
     lost = "/talker_new -> /chatter -> /listener"
 
     def reason() -> str:
