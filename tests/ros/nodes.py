@@ -92,9 +92,9 @@ def unlucky(log: Log) -> None:
     listener(log)
 
 
-def dock(log: Log, topic: str = "/dock", value: str = "", latch: str = "yes") -> None:
+def dock(log: Log, topic: str = "/dock", value: str = "") -> None:
     """Latches its value when it is told to, with SIGUSR1; at its start, as most nodes do, nothing."""
-    out = rospy.Publisher(topic, std_msgs.msg.String, queue_size=1, latch=latch == "yes")
+    out = rospy.Publisher(topic, std_msgs.msg.String, queue_size=1, latch=True)
     signal.signal(signal.SIGUSR1, lambda _received, _frame: out.publish(value))
     log(up=True)
     rospy.spin()

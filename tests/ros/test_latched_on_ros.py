@@ -17,8 +17,8 @@ def begin(scene: Scene) -> None:
     scene.start_keeper()
 
 
-def start_dock(scene: Scene, name: str, value: str = "", latch: str = "yes") -> None:
-    scene.start("dock", name, "/dock", value, latch)
+def start_dock(scene: Scene, name: str, value: str = "") -> None:
+    scene.start("dock", name, "/dock", value)
     until(f"{name} to be there", lambda: scene.log(name) and name in scene.registered())
 
 

@@ -49,9 +49,9 @@ class Pod:
             "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision,
         }  # fmt: skip
 
-    def call(self, word: str, *more: str) -> tuple[int, str]:
+    def call(self, word: str) -> tuple[int, str]:
         python = os.environ.get("HOOK_PYTHON", PYTHON)
-        command = [python, "-I", "-S", str(self.hooks / "run.py"), word, *more]
+        command = [python, "-I", "-S", str(self.hooks / "run.py"), word]
         done = subprocess.run(command, env=self.environ(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
         return done.returncode, done.stdout.strip() + done.stderr
 

@@ -31,8 +31,8 @@ def framed(body: bytes) -> bytes:
 class Replay:
     """The recorded graph on loopback: what a test changes in `nodes` or `services` before `start` goes wrong."""
 
-    def __init__(self) -> None:
-        self.peers = Peers()
+    def __init__(self, peers: Peers) -> None:
+        self.peers = peers
         self.tcpros = self.peers.tcpros(self.answers)
         self.nodes = {name: self.node(name, replies) for name, replies in recorded("nodes").items()}
         self.nodes[DEAD] = f"http://127.0.0.1:{self.peers.dead()}/"
@@ -85,10 +85,8 @@ class Replay:
 
 
 @pytest.fixture
-def ros() -> Iterator[Replay]:
-    replay = Replay()
-    yield replay
-    replay.peers.close()
+def ros(peers: Peers) -> Replay:
+    return Replay(peers)
 
 
 def judge(master: Ros1Client, **params: Any) -> dict[tuple[str, str], tuple[str, str]]:
