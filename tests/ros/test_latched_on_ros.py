@@ -9,12 +9,7 @@ from typing import Any
 import pytest
 from scene import Scene, until
 
-OLD, NEW, NEWER = "/dock_0000000a", "/dock_0000000b", "/dock_0000000c"
-
-
-def begin(scene: Scene) -> None:
-    scene.start_master()
-    scene.start_keeper()
+OLD, NEW = "/dock_0000000a", "/dock_0000000b"
 
 
 def start_dock(scene: Scene, name: str, value: str = "") -> None:
@@ -42,7 +37,8 @@ def publishers(scene: Scene) -> tuple[str, ...]:
 @pytest.mark.parametrize("names", [(OLD, NEW), ("/dock", "/dock")], ids=["overlap", "replace"])
 def test_a_value_that_was_latched_on_an_event_survives_an_update(scene: Scene, names: tuple[str, str]) -> None:
     old, new = names
-    begin(scene)
+    scene.start_master()
+    scene.start_keeper()
     start_dock(scene, old, "at the charger")
     latch(scene, old)
     subscribe(scene, "/early")
@@ -68,34 +64,3 @@ def test_a_value_that_was_latched_on_an_event_survives_an_update(scene: Scene, n
     until("the new value alone", lambda: heard(scene, "/later") == ["on the way"])
     assert heard(scene, "/early") == ["at the charger", "on the way"]  # who had it did not get it again
     assert heard(scene, "/late") == ["at the charger", "on the way"]
-
-
-def test_it_survives_versions_and_a_restart_of_the_keeper(scene: Scene) -> None:
-    """Of two versions in a row nothing happened to the second one; what was kept waits for the third."""
-    begin(scene)
-    start_dock(scene, OLD, "at the charger")
-    latch(scene, OLD)
-    subscribe(scene, "/early")
-    until("the value", lambda: heard(scene, "/early"))
-    start_dock(scene, NEW)
-    assert scene.run_stop_hook(OLD) == ""
-    until("the keeper to give it", lambda: "/ros_keeper" in publishers(scene), 10)
-    assert scene.run_stop_hook(NEW) == ""
-    until("nothing to be given while nobody is in its place", lambda: not publishers(scene))
-    scene.kill("keeper")
-    scene.start_keeper()
-    assert "still keeps" in scene.said()
-    start_dock(scene, NEWER, "on the way")
-    until("the keeper to give it", lambda: "/ros_keeper" in publishers(scene), 10)
-    subscribe(scene, "/late")
-    until("the value", lambda: heard(scene, "/late") == ["at the charger"])
-    assert heard(scene, "/early") == ["at the charger"]
-    scene.kill("master")
-    until("the keeper to see it", lambda: "the master is away" in scene.said())
-    scene.start_master()
-    until("the keeper to give it again", lambda: len(publishers(scene)) == 2, 15)
-    subscribe(scene, "/last")
-    until("the value", lambda: heard(scene, "/last") == ["at the charger"])
-    latch(scene, NEWER)
-    until("the keeper to let it go", lambda: publishers(scene) == (NEWER,))
-    assert list((scene.directory / "record" / "latched").iterdir()) == []
