@@ -158,33 +158,11 @@ def test_a_contract_is_kept_or_the_version_cannot_become_ready(scene: Scene, pod
     assert bool(line) == bool(why)
 
 
-def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
-    """The old ones cannot be connected to the new ones; these have to be to each other."""
-    talker, listener = pods("talker"), pods("listener")
-    edges = [[talker.node, "/numbers", listener.node]]
-    both = {"edges": edges, "members": [talker.node, listener.node]}
-    talker.owe(topics={"/numbers": {"publishers": {talker.node: {"rate": None}}}}, **both)
-    listener.owe(subscriptions={"/numbers": {"type": ""}}, **both)
-    scene.start_master()
-    for kind in ("talker", "listener"):
-        scene.start(kind, f"/old_{kind}")
-        scene.until_registered(f"/old_{kind}")
-    scene.start("talker", talker.node, "/numbers", "UInt32")
-    assert talker.call("started")[1] == (
-        f"not ready: edge {talker.node} -> /numbers -> {listener.node}: "
-        f"{listener.node} is not registered with the master"
-    )
-    scene.start("listener", listener.node, "/numbers", "UInt32")
-    assert listener.call("started") == (0, "")
-    assert talker.call("started") == (0, "")
-    until("numbers", lambda: any(entry["count"] for entry in scene.log(listener.node)))
-
-
 def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_for(scene: Scene, pods: Any) -> None:
     """rospy's threads end with the process: the caller of a node that is shut down at once gets an error."""
     pod = pods("planner")
     scene.start_master()
-    scene.start("service", pod.node, "/trigger", "", "6")
+    scene.start("service", pod.node, "/trigger", "6")
     assert pod.call("started") == (0, "")
     scene.start("caller", "/resting", "/trigger", "persistent")
     until("an answer", lambda: len(scene.log("/resting")) > 0)
