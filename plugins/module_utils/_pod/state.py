@@ -49,12 +49,12 @@ class Settings:
 
 @dataclass(frozen=True)
 class State:
-    """What an earlier call found out: where the app's node is, for calls without a master, or why it was not ready."""
+    """What an earlier call found out: where the app's node is, for calls without a master, or that it was not ready."""
 
     uri: str = ""
     pid: int | None = None
     services: Mapping[str, str] = field(default_factory=dict)
-    failed: str = ""
+    failed: bool = False
 
 
 def load_settings(environ: Mapping[str, str]) -> Settings:

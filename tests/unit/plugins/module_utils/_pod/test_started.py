@@ -56,7 +56,7 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(started_command, "is_here", lambda uri: uri == URI)
 
 
-def started(world: World, clock: Clock | None = None, before: str = "", run: Any = None, **settings: Any) -> str:
+def started(world: World, clock: Clock | None = None, failed: bool = False, run: Any = None, **settings: Any) -> str:
     clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
     introduce, places = settings.pop("introduce", lambda _calls: None), settings.pop("places", {})
     measured = settings.pop("measured", lambda graph, _nodes: graph)
@@ -66,7 +66,7 @@ def started(world: World, clock: Clock | None = None, before: str = "", run: Any
         measured, clock.now, clock.sleep,
     )  # fmt: skip
     known = replace(SETTINGS, version=kept.load_settings(os.environ).version, **settings)
-    return started_command.started(known, State(failed=before), world, outside)
+    return started_command.started(known, State(failed=failed), world, outside)
 
 
 def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
@@ -108,13 +108,13 @@ def test_the_commands_word_counts_and_rates_wait_for_it() -> None:
     assert said == "not ready: command readiness: exited with 1: no fix yet"
 
 
-@pytest.mark.parametrize(("before", "looks"), [("", 101), ("not ready: x", 21)])
+@pytest.mark.parametrize(("failed", "looks"), [(False, 101), (True, 21)])
 def test_it_looks_ten_times_a_second_or_after_a_call_in_vain_twice_and_gives_up_after_ten(
-    before: str, looks: int
+    failed: bool, looks: int
 ) -> None:
     world, clock = World(), Clock()
     world.replies(OWN, bus=bus())
-    assert started(world, clock, before).startswith(UNHEARD)
+    assert started(world, clock, failed).startswith(UNHEARD)
     assert clock.at == pytest.approx(started_command.SECONDS)
     assert world.asked.count("state") == pytest.approx(looks, abs=2)
 
@@ -125,7 +125,7 @@ def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch
     line = started(World(), clock)
     assert line == f"cannot become ready: topic /out: the type is std_msgs/String at {OWN}, not std_msgs/Bool"
     assert clock.at == 0
-    assert started(World(), clock, before=line) == line
+    assert started(World(), clock, failed=True) == line
     assert clock.at == pytest.approx(started_command.SECONDS)
 
 
@@ -493,7 +493,7 @@ def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, caps
     monkeypatch.setattr(started_command, "started", lambda *_: "not ready: x")
     assert started_command.main([]) == 1
     assert capsys.readouterr().out == "not ready: x\n"
-    assert kept.load_state(OWN) == State(failed="not ready: x")
+    assert kept.load_state(OWN) == State(failed=True)
     monkeypatch.setattr(started_command, "started", lambda *_: "")
     assert started_command.main([]) == 0
     assert capsys.readouterr().out == ""
