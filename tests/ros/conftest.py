@@ -60,10 +60,3 @@ def scene(tmp_path: Path) -> Iterator[object]:
         yield made
     finally:
         made.end()
-
-
-@pytest.fixture
-def run(scene: object, capsys: pytest.CaptureFixture[str]) -> object:
-    from scene import Run  # noqa: PLC0415 - as above
-
-    return Run(scene, capsys)  # type: ignore[arg-type]

@@ -14,11 +14,6 @@ from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from scene import Scene, free_port, until
 
 
-def looking(interval: float, timeout: float) -> tuple[str, ...]:
-    """Options: seconds between two looks, and for a node's answers."""
-    return ("--interval", f"{interval:g}", "--timeout", f"{timeout:g}")
-
-
 class Metrics:
     """One scrape, read by a strict parser."""
 
@@ -53,15 +48,10 @@ class ExporterScene(Scene):
     def start_exporter(self, *options: str, interval: float = 1.0, timeout: float = 1.0) -> subprocess.Popen[bytes]:
         """As beside an external master: it keeps nothing, and so leaves the graph alone."""
         process = self.start_code(
-            "keeper", "--keep", "off", "--port", str(self.exporter_port), *looking(interval, timeout), *options
-        )
+            "keeper", "--keep", "off", "--port", str(self.exporter_port), "--interval", f"{interval:g}",
+            "--timeout", f"{timeout:g}", *options,
+        )  # fmt: skip
         until("a scrape", self.scrape)
-        return process
-
-    def start_keeper_shown(self) -> subprocess.Popen[bytes]:
-        """A keeper that shows its graph, too."""
-        process = self.start_keeper(*looking(1.0, 1.0))
-        self.exporter_port = self.keeper_port
         return process
 
     def scrape(self) -> Metrics:

@@ -17,7 +17,6 @@ from typing import Any
 
 import actionlib
 import rospy
-import std_msgs.msg
 from actionlib.msg import TestAction, TestGoal, TestResult
 from actionlib_msgs.msg import GoalStatusArray  # begins with a header, as sensors' messages do
 from genpy.message import get_message_class
@@ -35,7 +34,6 @@ from std_msgs.msg import (
 from std_srvs.srv import Trigger
 
 HZ = 500
-NEAR_OVERFLOW = 2**31 - 10_000
 _lock = threading.Lock()
 
 
@@ -48,8 +46,8 @@ class Log:
             self.file.write(json.dumps({"at": time.time(), **entry}) + "\n")
 
 
-def talker(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
-    out = rospy.Publisher(topic, getattr(std_msgs.msg, kind), queue_size=1000)
+def talker(log: Log, topic: str = "/numbers") -> None:
+    out = rospy.Publisher(topic, UInt64, queue_size=1000)
     log(up=True)
     rate, number = rospy.Rate(HZ), 0
     while not rospy.is_shutdown():
@@ -58,7 +56,7 @@ def talker(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
         rate.sleep()
 
 
-def listener(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
+def listener(log: Log, topic: str = "/numbers") -> None:
     seen = {"count": 0, "last": -1, "lost": 0, "repeated": 0}
 
     def got(message: Any) -> None:
@@ -68,7 +66,7 @@ def listener(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
         seen["last"] = max(seen["last"], message.data)
         seen["count"] += 1
 
-    rospy.Subscriber(topic, getattr(std_msgs.msg, kind), got, queue_size=1000)
+    rospy.Subscriber(topic, UInt64, got, queue_size=1000)
     while not rospy.is_shutdown():
         time.sleep(0.1)
         log(**seen)
@@ -93,9 +91,9 @@ def unlucky(log: Log) -> None:
     listener(log)
 
 
-def dock(log: Log, topic: str = "/dock", value: str = "", latch: str = "yes") -> None:
+def dock(log: Log, topic: str = "/dock", value: str = "") -> None:
     """Latches its value when it is told to, with SIGUSR1; at its start, as most nodes do, nothing."""
-    out = rospy.Publisher(topic, std_msgs.msg.String, queue_size=1, latch=latch == "yes")
+    out = rospy.Publisher(topic, String, queue_size=1, latch=True)
     signal.signal(signal.SIGUSR1, lambda _received, _frame: out.publish(value))
     log(up=True)
     rospy.spin()
@@ -107,7 +105,7 @@ def docked(log: Log, topic: str = "/dock") -> None:
     def got(message: Any) -> None:
         log(heard=message.data, by=message._connection_header["callerid"])
 
-    rospy.Subscriber(topic, std_msgs.msg.String, got)
+    rospy.Subscriber(topic, String, got)
     log(up=True)
     rospy.spin()
 
@@ -115,16 +113,16 @@ def docked(log: Log, topic: str = "/dock") -> None:
 def looker(log: Log, topic: str = "/dock") -> None:
     """Subscribes anew for each message, again and again."""
     while not rospy.is_shutdown():
-        log(heard=rospy.wait_for_message(topic, std_msgs.msg.String).data)
+        log(heard=rospy.wait_for_message(topic, String).data)
 
 
-def service(log: Log, name: str = "/trigger", answer: str = "", seconds: str = "0") -> None:
+def service(log: Log, name: str = "/trigger", seconds: str = "0") -> None:
     def serve(_request: Any) -> Any:
         log(asked=True)
         end = time.monotonic() + float(seconds)
         while time.monotonic() < end and not rospy.is_shutdown():
             time.sleep(0.01)
-        return True, answer or rospy.get_name()
+        return True, ""
 
     rospy.Service(name, Trigger, serve)
     log(up=True)
@@ -135,7 +133,7 @@ def caller(log: Log, name: str = "/trigger", persistent: str = "") -> None:
     kept = rospy.ServiceProxy(name, Trigger, persistent=True) if persistent else None
     while not rospy.is_shutdown():
         try:
-            log(ok=True, answer=(kept or rospy.ServiceProxy(name, Trigger))().message)
+            log(ok=(kept or rospy.ServiceProxy(name, Trigger))().success)
             if kept:
                 rospy.spin()  # it stays connected and asks nothing more
         except (rospy.ServiceException, rospy.ROSException, OSError) as error:
@@ -256,18 +254,6 @@ def counted(log: Log, topic: str = "/fast", hertz: str = "500") -> None:
         time.sleep(max(0.0, began + count * period - time.monotonic()))
 
 
-def loud(log: Log, topic: str = "/loud") -> None:
-    """Its first connection has carried nearly two gigabytes: soon rospy cannot say how many."""
-    out = rospy.Publisher(topic, UInt64, queue_size=10)
-    log(up=True)
-    while not rospy.is_shutdown():
-        for queued in out.impl.connections:
-            connection = queued._connection
-            connection.stat_bytes = max(connection.stat_bytes, NEAR_OVERFLOW)
-        out.publish(1)
-        time.sleep(0.01)
-
-
 def points(_log: Log) -> None:
     """A hundred a second, with numbers that rospy counts up."""
     out = rospy.Publisher("/points", GoalStatusArray, queue_size=1000)
@@ -326,7 +312,7 @@ KINDS: dict[str, Callable[..., None]] = {
     function.__name__: function
     for function in (
         talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller, hearer,
-        counted, loud, points, chatter, robot, camera,
+        counted, points, chatter, robot, camera,
     )
 }  # fmt: skip
 

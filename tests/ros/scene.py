@@ -19,8 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
 from pod_code import write_code
@@ -126,9 +124,9 @@ class Scene:
         if number == signal.SIGKILL:
             self.processes[name].wait()
 
-    def stop(self, name: str, kill: bool = False) -> int:
+    def stop(self, name: str) -> int:
         process = self.processes.pop(name)
-        (process.kill if kill else process.terminate)()
+        process.terminate()
         return process.wait(20)
 
     def end(self) -> None:
@@ -190,22 +188,3 @@ class Scene:
             )
 
         until(f"a record of {nodes}", true)
-
-
-class Run:
-    """A module of the collection run against a scene's master, in this process.
-
-    `run(module, **options)` gives its result; a failed module fails the test.
-    """
-
-    def __init__(self, scene: Scene, capsys: pytest.CaptureFixture[str]) -> None:
-        self.scene, self.capsys = scene, capsys
-
-    def __call__(self, module: Any, **params: Any) -> dict[str, Any]:
-        self.capsys.readouterr()
-        params = {"master_uri": self.scene.uri, **params}
-        with patch_module_args(params), pytest.raises(SystemExit):
-            module.main()
-        result: dict[str, Any] = json.loads(self.capsys.readouterr().out.splitlines()[-1])
-        assert not result.get("failed"), result
-        return result

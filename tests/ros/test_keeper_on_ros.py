@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import time
 from pathlib import Path
@@ -67,26 +66,6 @@ def test_a_restarted_master(scene: Scene) -> None:
 def _parameters(scene: Scene) -> str:
     path = Path(scene.directory, "record", "parameters.json")
     return str(json.loads(path.read_text())) if path.exists() else ""
-
-
-def test_keeper_and_master_replaced_one_after_the_other(scene: Scene) -> None:
-    """As a step does it, whose control node dies right then: nobody but the new keeper knows what was there."""
-    start_all(scene)
-    description = f"<robot>{'<link/>' * 20000}</robot>"
-    values = {"/robot_description": description, "/robot/pose": [1.5, True, "x", {"frame": "map"}]}
-    scene.ros.calls([("setParam", "/tester", name, value) for name, value in values.items()])
-    before = scene.registered()
-    scene.kill("keeper")
-    shutil.rmtree(scene.directory / "record")  # which goes with its pod
-    scene.start_keeper()
-    until("the new keeper to be ready", scene.keeper_ready)
-    scene.ros.calls([("setParam", "/tester", "/tuned/later", 0.25)])
-    until("a change on record", lambda: "later" in _parameters(scene), 6)
-    scene.kill("master")
-    scene.start_master()
-    until("all registrations", lambda: scene.registered() == before, 15)
-    names = [*values, "/tuned/later", "/robot/wheels"]
-    assert scene.ros.calls([("getParam", "/tester", name) for name in names]) == [*values.values(), 0.25, 4]
 
 
 def test_a_killed_node_is_removed_and_one_that_hangs_is_not(scene: Scene) -> None:

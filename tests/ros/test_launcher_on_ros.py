@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import launch as launcher
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child, children, crash
-from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
-from scene import NODES, PYTHON, Run, Scene, until
+from scene import NODES, PYTHON, Scene, until
 
 pytestmark = pytest.mark.skipif(not shutil.which("roslaunch"), reason="no roslaunch here: Debian's python3-roslaunch")
 
@@ -204,7 +204,7 @@ def unexplained(child: Child) -> bool:
     return not child.alive and child.exit_code is None
 
 
-def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> None:
+def test_who_lives_ended_or_crashes_again_and_again(scene: Scene) -> None:
     scene.environment["HUSH"] = "a secret"
     path = f"{scene.environment['ROS_PACKAGE_PATH']}/crashes.launch"
     scene._start("roslaunch", shutil.which("roslaunch") or "", "--wait", path)
@@ -245,7 +245,7 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> N
     ]
     assert "secret" not in repr(now)
 
-    launched = {row["node"]: row for row in run(ros_graph_info)["graph"]["launched"]}
+    launched = {row["node"]: row for row in jobs.graph({"master_uri": scene.uri})["graph"]["launched"]}
     assert set(launched) == set(now)
     assert launched["/killed"]["crash"] == "died, as its registration is still there"
     assert launched["/waits"]["exit_code"] == 5

@@ -11,7 +11,6 @@ import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from unittest.mock import ANY
 
 import pytest
 from pod_code import write_code
@@ -31,7 +30,7 @@ class Pod:
         # what calls keep lies in /tmp by the node's name: one of its own for each test
         self.name = f"{name}_{scene.port}"
         self.node = f"/{self.name}"
-        self.revision, self.template = "0a1b2c3d", ""
+        self.revision = "0a1b2c3d"
         self.hooks = scene.directory / f"pod_{name}" / "hooks"
         self.hooks.mkdir(parents=True)
         write_code(self.hooks)
@@ -47,12 +46,12 @@ class Pod:
     def environ(self) -> dict[str, str]:
         return {
             "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.settings,
-            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision, "ROSOPS_TEMPLATE_HASH": self.template,
+            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision,
         }  # fmt: skip
 
-    def call(self, word: str, *more: str) -> tuple[int, str]:
+    def call(self, word: str) -> tuple[int, str]:
         python = os.environ.get("HOOK_PYTHON", PYTHON)
-        command = [python, "-I", "-S", str(self.hooks / "run.py"), word, *more]
+        command = [python, "-I", "-S", str(self.hooks / "run.py"), word]
         done = subprocess.run(command, env=self.environ(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
         return done.returncode, done.stdout.strip() + done.stderr
 
@@ -79,28 +78,6 @@ def talking(scene: Scene, pod: Pod) -> None:
     scene.start("listener", "/listener")
     scene.until_registered("/listener")
     scene.start("talker", pod.node)
-
-
-@pytest.mark.parametrize("own_name", [False, True])
-def test_parameters_come_before_the_app_and_go_with_its_node(scene: Scene, pods: Any, own_name: bool) -> None:
-    pod = pods("talker", params={"~rate": 20, "~pid": {"gain": 1.5, "names": ["a"], "on": True}, "/limits/speed": 2})
-    if own_name:  # as under overlap
-        pod.name = f"{pod.name}_0a1b2c3d"
-        pod.node = f"/{pod.name}"
-    scene.start_master()
-    master = xmlrpc.client.ServerProxy(scene.uri)
-    assert pod.call("exec", "sh", "-c", "exit 3") == (3, "")
-    assert pod.call("exec") == (0, "")
-    given = {"rate": 20, "pid": {"gain": 1.5, "names": ["a"], "on": True}}
-    assert master.getParam("/test", pod.node) == [1, ANY, given]
-    assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
-    scene.start("talker", pod.node)
-    assert pod.call("started") == (0, "")
-    master.setParam("/test", f"{pod.node}/found_at_run_time", 1)
-    assert pod.call("stop") == (0, "")
-    left = master.getParam("/test", pod.node)
-    assert left == [-1, ANY, 0] if own_name else [1, ANY, {"found_at_run_time": 1}]
-    assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
 
 
 @pytest.mark.parametrize("own_name", [False, True])
@@ -181,61 +158,11 @@ def test_a_contract_is_kept_or_the_version_cannot_become_ready(scene: Scene, pod
     assert bool(line) == bool(why)
 
 
-def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
-    """The old ones cannot be connected to the new ones; these have to be to each other."""
-    talker, listener = pods("talker"), pods("listener")
-    edges = [[talker.node, "/numbers", listener.node]]
-    both = {"edges": edges, "members": [talker.node, listener.node]}
-    talker.owe(topics={"/numbers": {"publishers": {talker.node: {"rate": None}}}}, **both)
-    listener.owe(subscriptions={"/numbers": {"type": ""}}, **both)
-    scene.start_master()
-    for kind in ("talker", "listener"):
-        scene.start(kind, f"/old_{kind}")
-        scene.until_registered(f"/old_{kind}")
-    scene.start("talker", talker.node, "/numbers", "UInt32")
-    assert talker.call("started")[1] == (
-        f"not ready: edge {talker.node} -> /numbers -> {listener.node}: "
-        f"{listener.node} is not registered with the master"
-    )
-    scene.start("listener", listener.node, "/numbers", "UInt32")
-    assert listener.call("started") == (0, "")
-    assert talker.call("started") == (0, "")
-    until("numbers", lambda: any(entry["count"] for entry in scene.log(listener.node)))
-
-
-def test_a_pod_that_no_step_brings_takes_the_place_of_the_one_before_when_it_has_all_of_it(
-    scene: Scene, pods: Any
-) -> None:
-    """`kubectl rollout restart`: one revision, another template. A node that has registered may be loading still."""
-    old, new = pods("old"), pods("new")
-    for pod, template in ((old, "4"), (new, "5")):
-        pod.template = template
-        pod.name = f"talker_{scene.port}_0a1b2c3d_{template}"
-        pod.node = f"/{pod.name}"
-    scene.start_master()
-    scene.start("listener", "/listener")
-    scene.until_registered("/listener")
-    scene.start("talker", old.node)
-    assert old.call("started") == (0, "")
-    scene.start("hearer", new.node, "/another")  # in the place of one that publishes nothing yet
-    until("the new node", lambda: new.node in scene.registered())
-    assert new.call("started")[1] == f"not ready: topic /numbers: {new.node} lives, but does not publish it"
-    scene.kill(new.node)
-    until("its end", lambda: scene.processes[new.node].poll() is not None)
-    scene.start("talker", new.node)
-    assert new.call("started") == (0, "")
-    assert old.call("stop") == (0, "")
-    until("the old one's end", lambda: old.node not in scene.registered())
-    seen = len(scene.log("/listener"))
-    until("more numbers", lambda: len(scene.log("/listener")) > seen)
-    assert {new.node} == {node for node in scene.registered() if node.startswith("/talker_")}
-
-
 def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_for(scene: Scene, pods: Any) -> None:
     """rospy's threads end with the process: the caller of a node that is shut down at once gets an error."""
     pod = pods("planner")
     scene.start_master()
-    scene.start("service", pod.node, "/trigger", "", "6")
+    scene.start("service", pod.node, "/trigger", "6")
     assert pod.call("started") == (0, "")
     scene.start("caller", "/resting", "/trigger", "persistent")
     until("an answer", lambda: len(scene.log("/resting")) > 0)

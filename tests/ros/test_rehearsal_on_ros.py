@@ -138,11 +138,3 @@ def test_stand_ins_among_real_nodes(real: Nodes, scene: Stage) -> None:
     status = until("messages", heard)
     # it latches, so its numbers count what others got, too
     assert (status["numbered"], status["missing"], status["unconnected_looks"]) == (False, None, {"/hearer": 0})
-
-
-def test_a_publisher_of_another_definition_is_not_taken(real: Nodes, scene: Stage) -> None:
-    scene.play(real, "/listener")
-    scene.start("talker", "/talker", "/chatter", "UInt64")
-    until("both", lambda: {"/listener", "/talker"} <= set(scene.graph()["nodes"]))
-    until("a refusal", lambda: "do not match" in scene.said("talker"))
-    assert ("/chatter", "/talker", "/listener") not in scene.edges()

@@ -53,7 +53,7 @@ def main(_words: list[str]) -> int:
     told = partial(children, ros), partial(introduce, ros), partial(load_owed, settings)
     reason = started(settings, before, ros, Outside(run_command, here, is_here, there, *told, save_state))
     if reason:
-        save_state(settings.node, State(failed=reason))
+        save_state(settings.node, State(failed=True))
         sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
 
@@ -92,15 +92,14 @@ class Outside:
 def started(settings: Settings, before: State, ros: Backend, outside: Outside) -> str:
     """Why the app is not ready, beginning with how bad that is; or nothing. `before`: what the last call left."""
     look = Starting(settings, ros, outside)
-    patient = bool(before.failed)
 
     def probe() -> Seen:
         checks = look()
         verdict = overall([check.verdict for check in checks])
         # what cannot be mended is told at once, but not once a second for ever
-        return Seen(WAIT if verdict == FAIL and patient else verdict, checks)
+        return Seen(WAIT if verdict == FAIL and before.failed else verdict, checks)
 
-    pause = SLOW_INTERVAL if patient else INTERVAL
+    pause = SLOW_INTERVAL if before.failed else INTERVAL
     ended: Polled = poll(probe, SECONDS, pause, now=outside.now, sleep=outside.sleep)
     return "" if ended.verdict == PASS else message(ended.last)
 

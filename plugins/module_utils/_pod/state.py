@@ -49,21 +49,18 @@ class Settings:
 
 @dataclass(frozen=True)
 class State:
-    """What an earlier call found out: where the app's node is, for calls without a master, or why it was not ready."""
+    """What an earlier call found out: where the app's node is, for calls without a master, or that it was not ready."""
 
     uri: str = ""
     pid: int | None = None
     services: Mapping[str, str] = field(default_factory=dict)
-    failed: str = ""
+    failed: bool = False
 
 
 def load_settings(environ: Mapping[str, str]) -> Settings:
-    """Without any, the node is looked for where the environment says, and nothing more."""
+    """With the names that this very pod gives its node, and what is private to that."""
     name = environ.get("ROSOPS_NODE_NAME", "")
     found = _as(Settings, {"node": "", **_mapping(environ.get("ROSOPS_SETTINGS", ""))})
-    if not found.node:
-        node = f"{environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
-        found = Settings(node, expect_node=load_state(node) != State())
     node = f"{found.node.rpartition('/')[0]}/{name}" if name else found.node
     actions = [resolve(action, node=node) for action in found.actions]
     rates = {resolve(topic, node=node): hz for topic, hz in found.min_rates.items()}

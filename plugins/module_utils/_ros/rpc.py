@@ -330,17 +330,13 @@ class Master:
         if not (math.isfinite(timeout) and timeout > 0):
             raise RosError(f"a time-out of {timeout} s is not more than 0 s")
 
-    def within(self, call: Callable[[Api], _Result]) -> _Result:
-        """Make calls of the master, and end with the time-out; raises what went wrong, as it came."""
-        with Api(self.uri, self.caller, Deadline(self.timeout), self._memo) as api:
-            return call(api)
-
     def calls(self, requests: Sequence[Request]) -> list[Any]:
         """Requests (method, caller, *arguments) in one round trip; each result is a value or a RosError."""
         if not requests:
             return []
         try:
-            return self.within(lambda api: api.calls(requests))
+            with Api(self.uri, self.caller, Deadline(self.timeout), self._memo) as api:
+                return api.calls(requests)
         except Exception as error:
             raise RosError(f"the ROS master does not answer: {reason(error, self.uri, self.timeout)}") from error
 

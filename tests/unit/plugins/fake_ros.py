@@ -96,13 +96,10 @@ class Peers:
         while self._ends:
             self._ends.pop()()
 
-    def api(
-        self, label: str, replies: dict[str, Any], multicall: bool = False, keep: bool = True, caller: bool = True
-    ) -> str:
+    def api(self, label: str, replies: dict[str, Any], multicall: bool = False, caller: bool = True) -> str:
         """An XML-RPC server; a reply is a value or a function of the call's arguments, after the caller's name where
         there is one. Its URI."""
-        handler = _Handler if keep else type("_Closing", (_Handler,), {"protocol_version": "HTTP/1.0"})
-        server = _Server(("127.0.0.1", 0), handler, logRequests=False, allow_none=True)
+        server = _Server(("127.0.0.1", 0), _Handler, logRequests=False, allow_none=True)
 
         def dispatch(method: str, params: tuple[Any, ...]) -> Any:
             self.calls.append((label, method))

@@ -5,10 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import (
-    MasterState,
-    Questions,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
@@ -50,7 +47,6 @@ class World:
         }  # fmt: skip
         self.probes = {"/add": ServiceProbe("rosrpc://127.0.0.1:40004", OWN, "rospy_tutorials/AddTwoInts", md5sum="aa")}
         self.sums = {"/out": "bb"}
-        self.latching: set[str] = set()
         self.hz = {"/out": 100.0}
         self.asked: list[Any] = []
 
@@ -93,7 +89,7 @@ class World:
         )  # its own word, nobody else's
         self.asked.append("handshakes")
         own = {name: graph.topics[name].publishers[0] for name in topics}
-        said = {name: Handshake(key, self.sums.get(name, ""), name in self.latching) for name, key in own.items()}
+        said = {name: Handshake(key, self.sums.get(name, "")) for name, key in own.items()}
         return {name: one for name, one in said.items() if name in self.sums}
 
     def rates(self, graph: Graph, seconds: Any, patient: bool = False) -> dict[str, Rate]:

@@ -104,14 +104,6 @@ def test_what_blocks_nobody(change: str) -> None:
     assert judged(world) == (PASS, "")
 
 
-@pytest.mark.parametrize("change", ["late publisher", "late subscriber"])
-@pytest.mark.parametrize("owed", [None, contract()])
-def test_a_peer_that_hangs_is_waited_for_no_longer_than_a_slow_one_needs(change: str, owed: Contract | None) -> None:
-    world = changed(World(), change)
-    assert judged(world, owed, PATIENCE - 0.1)[0] == WAIT
-    assert judged(world, owed, PATIENCE) == (PASS, "")
-
-
 @pytest.mark.parametrize("change", ["unheard", "the publisher lacks us"])
 def test_a_living_peer_must_have_the_new_version_if_it_had_the_old_one(change: str) -> None:
     world = changed(World(), change)

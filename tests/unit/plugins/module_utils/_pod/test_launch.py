@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import ast
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,22 +23,6 @@ def resolved(name: str, node: str) -> str:
 
 def node(package: str = "base", args: str = "", remaps: Any = ()) -> Any:
     return SimpleNamespace(package=package, args=args, remap_args=list(remaps))
-
-
-@pytest.mark.parametrize(
-    ("name", "plain"),
-    [
-        ("/camera_1a2b3c4d", "/camera"),
-        ("/camera_1a2b3c4d/image", "/camera/image"),
-        ("/camera_1a2b3c4d_79d9c6f8b5/image", "/camera/image"),
-        ("/front/lidar_99999999", "/front/lidar"),
-        ("/camera_1a2b3c4de", "/camera_1a2b3c4de"),  # longer, or in capitals: somebody else's name
-        ("/camera_1A2B3C4D", "/camera_1A2B3C4D"),
-        ("/tf", "/tf"),
-    ],
-)
-def test_a_name_without_its_revision(name: str, plain: str) -> None:
-    assert launch.stable(name) == plain
 
 
 @pytest.mark.parametrize(
@@ -116,28 +99,6 @@ def test_what_the_version_before_reads_must_not_change_under_it() -> None:
         "/limits": {"speed": 0.5},
     }  # fmt: skip
     assert launch.conflicts(wanted, there, NAMES) == ["/limits", "/limits/speed"]
-
-
-def test_others_find_a_private_parameter_by_the_name_that_they_know(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`/camera/fx` is there beside the one that the node of this version reads."""
-    param = SimpleNamespace(key="/camera/fx", value=525)
-    camera = SimpleNamespace(namespace="/", name="camera", machine=None, **vars(node()))
-    found = SimpleNamespace(nodes=[camera], params={param.key: param}, clear_params=["/camera/"], executables=[])
-
-    class Parent:
-        def _load_config(self) -> None:
-            self.config = found
-
-    core = {"Param": lambda key, value: SimpleNamespace(key=key, value=value), "is_machine_local": lambda _one: True}
-    roslaunch = SimpleNamespace(parent=SimpleNamespace(ROSLaunchParent=Parent))
-    rosgraph = {"ns_join": lambda space, name: space + name, "resolve_name": resolved}
-    monkeypatch.setitem(sys.modules, "roslaunch.core", SimpleNamespace(**core, RLException=ValueError))
-    monkeypatch.setitem(sys.modules, "rosgraph.names", SimpleNamespace(**rosgraph))
-    master: Any = SimpleNamespace(registered=lambda: (set(), set()))
-    options = launch.Options(["--overlap"], {"ROSOPS_REVISION": REVISION})
-    launch.launch_of(roslaunch, master, options)()._load_config()
-    assert camera.name == f"camera_{REVISION}"
-    assert {one.key: one.value for one in found.params.values()} == {f"/camera_{REVISION}/fx": 525, "/camera/fx": 525}
 
 
 def test_options_stand_before_the_launch_files_own() -> None:

@@ -17,7 +17,7 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-ENVIRON = {"ROSOPS_NODE_NAME": "a_0a1b2c3d", "ROSOPS_REVISION": "0a1b2c3d", "ROS_NAMESPACE": "/r1"}
+ENVIRON = {"ROSOPS_NODE_NAME": "a_0a1b2c3d", "ROSOPS_REVISION": "0a1b2c3d"}
 
 
 def test_settings_take_the_nodes_name_from_the_pod() -> None:
@@ -32,12 +32,9 @@ def test_settings_take_the_nodes_name_from_the_pod() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]"])
-def test_without_settings_a_pod_is_still_asked_for_its_node(text: str) -> None:
-    environ = {**ENVIRON, "ROSOPS_SETTINGS": text}
-    found = kept.load_settings(environ)
-    assert (found.node, found.expect_node) == ("/r1/a_0a1b2c3d", False)
-    kept.save_state("/r1/a_0a1b2c3d", State("http://u", 7))
-    assert kept.load_settings(environ).expect_node is True
+def test_settings_that_are_none_expect_nothing(text: str) -> None:
+    found = kept.load_settings({**ENVIRON, "ROSOPS_SETTINGS": text})
+    assert (found.node, found.expect_node) == ("/a_0a1b2c3d", False)
 
 
 def test_state_is_kept_per_node_and_master_for_this_user_alone(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -198,14 +198,6 @@ def test_whoever_hangs_the_stop_ends_in_time(hanging: tuple[str, ...], deadline:
     assert node.at <= deadline + 0.3
 
 
-def test_a_keeper_that_hangs_takes_its_time_only_once() -> None:
-    """Six actions held one after the other were more than most drain deadlines."""
-    node = Node({f"/action{number}": [IDLE] for number in range(6)})
-    node.hanging = {"hold"}
-    assert len(stop(node, held(node))) == 6
-    assert node.at < 6
-
-
 def test_what_is_done_together_waits_for_nobody_who_hangs() -> None:
     ended = threading.Event()
 

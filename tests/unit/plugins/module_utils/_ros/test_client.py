@@ -7,7 +7,6 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
-from fnmatch import fnmatchcase
 from typing import Any
 
 import pytest
@@ -32,8 +31,8 @@ def framed(body: bytes) -> bytes:
 class Replay:
     """The recorded graph on loopback: what a test changes in `nodes` or `services` before `start` goes wrong."""
 
-    def __init__(self) -> None:
-        self.peers = Peers()
+    def __init__(self, peers: Peers) -> None:
+        self.peers = peers
         self.tcpros = self.peers.tcpros(self.answers)
         self.nodes = {name: self.node(name, replies) for name, replies in recorded("nodes").items()}
         self.nodes[DEAD] = f"http://127.0.0.1:{self.peers.dead()}/"
@@ -86,10 +85,8 @@ class Replay:
 
 
 @pytest.fixture
-def ros() -> Iterator[Replay]:
-    replay = Replay()
-    yield replay
-    replay.peers.close()
+def ros(peers: Peers) -> Replay:
+    return Replay(peers)
 
 
 def judge(master: Ros1Client, **params: Any) -> dict[tuple[str, str], tuple[str, str]]:
@@ -98,20 +95,6 @@ def judge(master: Ros1Client, **params: Any) -> dict[tuple[str, str], tuple[str,
 
 
 # ---- the master
-
-
-@pytest.mark.parametrize(
-    ("uri", "words"),
-    [
-        ("http://127.0.0.1:{dead}", "the ROS master does not answer: nothing listens at"),
-        ("http://127.0.0.1:{other}", "is not one"),
-    ],
-)
-def test_a_master_that_is_none(ros: Replay, uri: str, words: str) -> None:
-    other = ros.peers.api("other", {}).split(":")[2].rstrip("/")
-    master = Ros1Client(uri.format(dead=ros.peers.dead(), other=other), SHORT)
-    with pytest.raises(RosError, match=words):
-        master.state(types=True)
 
 
 @pytest.mark.parametrize(("uri", "timeout"), [("master:11311", 2.0), ("http://m", 2.0), ("http://m:1", 0.0)])
@@ -180,29 +163,20 @@ def test_hung_nodes_cost_one_time_out_together(ros: Replay) -> None:
         assert "within 1 s" in seen[key][1]
 
 
-NO_NAME = "http://robot-without-dns.invalid:4711/"
-
-
 @pytest.mark.parametrize(
     ("uri", "reason"),
     [
-        (NO_NAME, f"registered, but down: the name in {NO_NAME} does not resolve here"),
-        (None, "registered, but down: unknown node [/relay]"),  # it left between the two questions
-        ("", "registered, but down: *"),
-        ("rosrpc://h:1", "registered, but down: *"),
-        ("http://h:x/", "registered, but down: *"),
-        (7, "registered, but down: it has no address"),
-        ({"getPid": [1, "", "7"]}, "registered, but down: its process id is not a number"),
+        (None, "unknown node [/relay]"),  # it left between the two questions
+        ("rosrpc://h:1", "'rosrpc://h:1' is not http://host:port"),
+        (7, "it has no address"),
+        ({"getPid": [1, "", "7"]}, "its process id is not a number"),
     ],
 )
 def test_a_node_that_cannot_be_asked(ros: Replay, uri: Any, reason: str) -> None:
     there = {} if uri is None else {"/relay": ros.peers.api("odd", uri) if isinstance(uri, dict) else uri}
     ros.nodes = {**{name: one for name, one in ros.nodes.items() if name != "/relay"}, **there}
     seen = judge(ros.start(), nodes=["/relay", "/talker_a"])
-    assert (seen["node", "/relay"][0], fnmatchcase(seen["node", "/relay"][1], reason.replace("[", "[[]"))) == (
-        WAIT,
-        True,
-    )
+    assert seen["node", "/relay"] == (WAIT, f"registered, but down: {reason}")
     assert seen["node", "/talker_a"][0] == PASS
 
 

@@ -10,10 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate as _gate
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import (
-    MasterState,
-    Questions,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import (
     ActionCondition,

@@ -20,11 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
-    DEAD,
-    recorded_answers,
-    recorded_state,
-)
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 
 REVISION, STATUS = "/cam_1a2b3c4d", StatusReading(((3,), (3, 1)))
 DEAD_NODE = {

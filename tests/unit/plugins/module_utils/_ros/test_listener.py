@@ -57,14 +57,12 @@ class Stage:
 
 
 @pytest.fixture
-def stage(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
+def stage(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     monkeypatch.setattr(raw_node, "POLL", 0.01)
-    peers = Peers()
     made = Stage(peers)
     yield made
     for node in made.nodes.values():
         node.stop()
-    peers.close()
 
 
 def test_nobody_speaks_and_then_somebody_does(stage: Stage) -> None:

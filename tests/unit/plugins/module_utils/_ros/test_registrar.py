@@ -129,22 +129,22 @@ def test_what_lives_is_registered_again(world: World, there: Any, nodes: list[st
 
 
 @pytest.mark.parametrize(
-    ("answers", "nodes", "removed"),
-    [([GONE, GONE], ["/n"], 1), ([GONE, LIVES], ["/n"], 0), ([LATE], ["/n"], 0), ([LIVES], ["/n"], 0), ([], [], 0)],
+    ("answers", "nodes", "hosts", "removed"),
+    [
+        ([GONE, GONE], ["/n"], [], 1),
+        ([GONE, LIVES], ["/n"], [], 0),
+        ([LATE], ["/n"], [], 0),
+        ([LIVES], ["/n"], [], 0),
+        ([], [], [], 0),
+        ([], ["/n"], [host_of(PART.uri)], 1),  # where a pod was nobody is asked
+    ],
 )
 def test_what_the_dead_left_is_taken_away(
-    world: World, answers: list[Liveness], nodes: list[str], removed: int
+    world: World, answers: list[Liveness], nodes: list[str], hosts: list[str], removed: int
 ) -> None:
     world.there, world.answers = {"/n": PART}, {"/n": answers}
-    assert world.reap(*nodes) is bool(removed)
+    assert world.reap(*nodes, hosts=hosts) is bool(removed)
     assert world.done == [("unregisterPublisher", "/n", "/a")] * removed
-
-
-def test_nobody_is_asked_where_a_pod_was(world: World) -> None:
-    """The kernel of who has just talked with it would not know for most of a minute that its address is no more."""
-    world.there, world.answers = {"/n": PART}, {"/n": []}
-    assert world.reap("/n", hosts=[host_of(PART.uri)])
-    assert world.done == [("unregisterPublisher", "/n", "/a")]
 
 
 def test_the_name_of_a_revision_means_the_nodes_of_its_pods(world: World) -> None:

@@ -13,7 +13,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import replies
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, NodeKey, names_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, names_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import (
     NodeAnswer,
     build,
@@ -117,18 +117,6 @@ def test_the_value_of_a_reply(reply: Any, value: Any) -> None:
     assert type(error.value) is type(value)
 
 
-def test_bus_info_of_both_libraries() -> None:
-    rows = connections(NODES["/talker_a"]["getBusInfo"][2])
-    assert Connection("/chatter", "/relay", "o", "TCPROS", True) in rows
-    assert {row.peer for row in rows if row.topic == "/chatter"} == {"/listener_a", "/listener_b", "/relay"}
-    incoming = connections(NODES["/listener_a"]["getBusInfo"][2])
-    uris = {NODES[name]["lookupNode"][2] for name in ("/talker_a", "/talker_b")}
-    assert {row.peer for row in incoming if row.direction == "i"} == uris
-    rows = connections(NODES["/relay"]["getBusInfo"][2])
-    assert Connection("/chatter_relay", "/listener_relay", "o", "TCPROS", True) in rows
-    assert len([row for row in rows if row.topic == "/chatter" and row.direction == "i"]) == 2
-
-
 @pytest.mark.parametrize(
     ("raw", "expected"),
     [
@@ -175,22 +163,6 @@ def test_the_recorded_graph() -> None:
     assert [names_of(ends) for ends in graph.topics["/chatter_relay"].connections] == [["/relay", "/listener_relay"]]
     assert graph.topics["/chatter"].connects("/talker_b", "/relay")
     assert graph.topics["/work/goal"].connects("/asker", "/worker")
-
-
-def test_connected_is_what_the_publisher_says() -> None:
-    state = MasterState({"/t": ("/p", "/silent")}, {"/t": ("/a", "/b")})
-    answers = {
-        "/p": NodeAnswer("http://p:1/", 1, bus=[[1, "/a", "o", "TCPROS", "/t", True]]),
-        "/silent": NodeAnswer("http://s:1/", 2),
-        # a subscriber's own word is worth nothing
-        "/b": NodeAnswer("http://b:1/", 3, bus=[[1, "http://p:1/", "i", "TCPROS", "/t", True]]),
-    }
-    graph = build(state, answers)
-    p, silent, a, b = (graph.node(name).key for name in ("/p", "/silent", "/a", "/b"))
-    assert graph.unreached("/t", p, [a, b]) == [b]
-    assert graph.unreached("/t", silent, [a]) is None
-    assert graph.unreached("/t", NodeKey("/nobody"), [a]) is None
-    assert graph.unreached("/other", p, [a]) == [a]
 
 
 def test_a_node_nobody_asked_is_neither_up_nor_wrong_and_one_the_master_no_longer_lists_is_there() -> None:

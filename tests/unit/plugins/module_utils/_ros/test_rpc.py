@@ -124,10 +124,6 @@ def reply(body: bytes, status: bytes = b"200 OK", length: int | None = None) -> 
 
 
 VALUE = b"<?xml version='1.0'?><methodResponse><params><param><value>%s</value></param></params></methodResponse>"
-BOMB = (
-    b"<?xml version='1.0'?><!DOCTYPE x [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]>"
-    b"<methodResponse><params><param><value>&b;</value></param></params></methodResponse>"
-)
 
 
 @pytest.mark.parametrize(
@@ -135,8 +131,6 @@ BOMB = (
     [
         (b"", "closed connection without response"),
         (reply(b"not xml"), "not plain XML-RPC"),
-        (reply(BOMB), "document type or entities"),
-        (reply(VALUE % b"<i4>%s</i4>" % (b"7" * 2_000_000)), "more than 20 digits"),
         (reply(b"<?xml version='1.0'?><methodResponse>"), "nonsense"),
         (reply(b"", b"404 Not Found"), "HTTP status 404"),
         (reply(VALUE % b"<i4>7</i4>"), "not [code, message, value]"),
@@ -144,7 +138,7 @@ BOMB = (
         (reply(b"x" * 100, length=rpc.MAX_REPLY * 10), "not plain XML-RPC"),
         (b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 200, "nonsense"),
     ],
-    ids=["nothing", "text", "entities", "digits", "cut", "404", "shape", "short", "long", "headers"],
+    ids=["nothing", "text", "cut", "404", "shape", "short", "long", "headers"],
 )
 def test_a_peer_that_talks_nonsense(peers: Peers, data: bytes, words: str) -> None:
     def talk(sock: socket.socket) -> None:
