@@ -59,7 +59,7 @@ class K3sExchange(Work):
             release = variables["k3s_install_source"] == "release"
             self.after = str(found["staged"] or (variables["k3s_version"] if release else AIRGAP))
         self.unproven, self._earlier = bool(found["unproven"]), str(found["version"])
-        self._renews = variables["k3s_rotate"] == CERTIFICATES
+        self._renews = bool(plan["renews"])
         if self._renews:
             self.note = f"; certificates {told(lives(found['certificates']))}"
         if plan["rotate"] == TOKEN:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import SpecError
@@ -38,7 +39,11 @@ ENCRYPTS = f"if test ! -e {DATABASE} || test -e {ENCRYPTION}; then echo yes; els
 
 
 class ActionModule(FleetAction):
-    def work(self, _params: Arguments, known: Variables) -> Result:
+    """`rotate` is what of k3s is to be made anew, or nothing."""
+
+    ARGUMENTS: ClassVar = {"rotate": {"type": "str", "choices": ["", CERTIFICATES, TOKEN], "default": ""}}
+
+    def work(self, params: Arguments, known: Variables) -> Result:
         variables = self.variables(known, "k3s") | self.variables(known, "update", *OF_EVERY_CHANGE)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
@@ -55,7 +60,7 @@ class ActionModule(FleetAction):
         joins = "" if part.init else join_url(variables, known["hostvars"], now)
         datastore = Datastore(now["etcd"], self._encrypts(now, part, variables, known))
         part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins, datastore)
-        now["tokens"], part = self._rotation(now, part, variables, known)
+        now["tokens"], part = self._rotation(params["rotate"], now, part, variables, known)
         found = _plan(now, part, variables, known)
         if found["unsure"]:
             self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
@@ -76,14 +81,16 @@ class ActionModule(FleetAction):
                 "k3s does not serve here, and there is a cluster's data: whatever works here cannot be asked, and k3s "
                 "is started with what the inventory says"
             )
-        return {"changed": False, **asdict(datastore), **found}
+        return {"changed": False, **asdict(datastore), **found, "renews": params["rotate"] == CERTIFICATES}
 
-    def _rotation(self, now: Result, part: Wanted, variables: Variables, known: Variables) -> tuple[Result, Wanted]:
+    def _rotation(
+        self, rotate: str, now: Result, part: Wanted, variables: Variables, known: Variables
+    ) -> tuple[Result, Wanted]:
         """Verdicts on the tokens, and the host's part with what is due; SpecError, KubeError.
 
         One that was cut off is gone on with. That of certificates is only to be proven where k3s serves with new ones.
         """
-        rotate, servers, host = variables["k3s_rotate"], variables["k3s_server_hosts"], known["inventory_hostname"]
+        servers, host = variables["k3s_server_hosts"], known["inventory_hostname"]
         agent, change = variables["k3s_role"] == "agent", now["change"]
         if rotate == CERTIFICATES and not (change["renewed"] and now["ready"]):
             return now["tokens"], replace(part, rotate=rotate, anew=part.anew or agent)

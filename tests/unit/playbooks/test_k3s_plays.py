@@ -126,7 +126,7 @@ def test_servers_come_first_one_after_the_other(collection: Path) -> None:
 def test_of_another_token_all_servers_have_their_turn_and_nobody_else(collection: Path) -> None:
     """The others see only at theirs that the first one has it made. Agents have nothing to do with it."""
     later = dict.fromkeys(SERVERS[1:], "as it should be")
-    status, order, survivors = run(collection, later, k3s_rotate="token")
+    status, order, survivors = run(collection, later, __k3s_rotate="token")
     assert (status, order, survivors) == (0, SERVERS, {*SERVERS, *ROBOTS})
 
 

@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import A
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
 PLAN: dict[str, Any] = {
     "binary": True, "write": ["/etc/rancher/k3s/config.yaml"], "remove": [], "restart": True, "works": True,
-    "member": "", "etcd": True, "cgroup_refused": False, "version": OLD, "tokens": [], "rotate": "",
+    "member": "", "etcd": True, "cgroup_refused": False, "version": OLD, "tokens": [], "rotate": "", "renews": False,
 }  # fmt: skip
 
 CERTIFICATE = "agent/client-kubelet.crt"
@@ -223,7 +223,8 @@ def test_a_version_that_is_no_step_is_refused_where_k3s_does_not_serve_too(host:
 # --- certificates and the servers' token are made anew ----------------------------------------------------------------
 
 SAME: dict[str, Any] = {"binary": False, "write": []}
-CERTIFICATES: dict[str, Any] = {"k3s_rotate": "certificates", "plan": {**SAME, "rotate": "certificates"}}
+RENEWS: dict[str, Any] = {**SAME, "rotate": "certificates", "renews": True}
+CERTIFICATES: dict[str, Any] = {"plan": RENEWS}
 
 
 def test_new_certificates_are_told_by_their_ends(host: Host) -> None:
@@ -238,8 +239,7 @@ def test_new_certificates_are_told_by_their_ends(host: Host) -> None:
 def test_an_agents_token_to_join_comes_with_them_and_goes_with_them(host: Host) -> None:
     """k3s takes away by what it would be let in again."""
     host.writes, host.renewed, host.known_nodes = ["/etc/rancher/k3s/agent-token"], LATE, [node("edge1")]
-    plan = {**SAME, "rotate": "certificates", "tokens": ["agent-token"]}
-    found = host.change(k3s_role="agent", k3s_rotate="certificates", plan=plan)
+    found = host.change(k3s_role="agent", plan={**RENEWS, "tokens": ["agent-token"]})
     assert found["outcome"]["outcome"] == "updated"
 
 
@@ -255,7 +255,7 @@ def test_certificates_that_are_no_others_are_taken_back(host: Host, ends: str) -
 
 def test_those_of_a_run_that_was_cut_off_are_only_proven(host: Host) -> None:
     host.unproven, host.lives = True, [EARLY, LATE]
-    found = host.change(k3s_rotate="certificates", plan={**SAME, "restart": False})
+    found = host.change(plan={**RENEWS, "rotate": "", "restart": False})
     assert found["msg"].endswith("certificates until 2027-11-26 (before: 2027-03-01): agent/client-kubelet.crt")
     assert "next" not in host.asked
 
@@ -268,7 +268,7 @@ def test_check_mode_tells_when_certificates_end(host: Host) -> None:
     assert host.asked == ["staged"]
 
 
-TOKEN: dict[str, Any] = {"k3s_rotate": "token", "plan": {**SAME, "rotate": "token"}}
+TOKEN: dict[str, Any] = {"plan": {**SAME, "rotate": "token"}}
 
 
 @pytest.mark.parametrize("check_mode", [False, True])

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import _k3s_plan
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.servers import SharedToken
@@ -31,7 +32,7 @@ BARE: dict[str, Any] = {
 def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The plan for a host of which the module says `now`; what the module was asked is in `asked`."""
 
-    def plan(host: str, now: dict[str, Any], **variables: Any) -> dict[str, Any]:
+    def plan(host: str, now: dict[str, Any], rotate: str = "", **variables: Any) -> dict[str, Any]:
         def job(_self: Any, name: str, args: dict[str, Any], secrets: Any = None) -> dict[str, Any]:
             if name == "k3s_ready":
                 plan.waited.append(args["timeout"])  # type: ignore[attr-defined]
@@ -55,7 +56,7 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
             "k3s_role": "agent" if host == "robot1" else "server", "k3s_server_hosts": ["edge1", "edge2", "edge3"],
             "k3s_kubeconfig_path": "", **variables,
         }  # fmt: skip
-        return run(_k3s_plan, {}, given, plan.check_mode)  # type: ignore[attr-defined]
+        return run(_k3s_plan, {"rotate": rotate}, given, plan.check_mode)  # type: ignore[attr-defined]
 
     plan.waited, plan.ends, plan.check_mode = [], "pass", False  # type: ignore[attr-defined]
     plan.servers_asked, plan.servers = [], {"edge1": {"stdout": "yes"}}  # type: ignore[attr-defined]
@@ -246,7 +247,7 @@ def cut_off(**change: bool) -> dict[str, Any]:
 @pytest.mark.parametrize(("host", "tokens"), [("edge1", []), ("edge2", []), ("robot1", ["agent-token"])])
 def test_certificates_are_made_anew_each_time(planned: Any, host: str, tokens: list[str]) -> None:
     """An agent's token has ended long ago, and without its certificate it would not be let in."""
-    found = planned(host, SERVES, k3s_rotate="certificates")
+    found = planned(host, SERVES, rotate="certificates")
     assert (found["rotate"], found["guarded"], found["restart"]) == ("certificates", True, True)
     assert (found["tokens"], found["undone"]) == (tokens, planned(host, SERVES)["undone"])
     assert not planned.servers_asked
@@ -254,24 +255,24 @@ def test_certificates_are_made_anew_each_time(planned: Any, host: str, tokens: l
 
 @pytest.mark.parametrize("host", ["edge1", "robot1"])
 def test_certificates_that_were_made_and_not_proven_are_not_made_again(planned: Any, host: str) -> None:
-    found = planned(host, cut_off(renewed=True), k3s_rotate="certificates", k3s_version="v1.34.2+k3s1")
+    found = planned(host, cut_off(renewed=True), rotate="certificates", k3s_version="v1.34.2+k3s1")
     assert (found["rotate"], found["guarded"], found["tokens"]) == ("", True, [])
     stopped = {**cut_off(renewed=True), "ready": False, "service": {**UP["service"], "active": "inactive"}}
-    found = planned(host, stopped, k3s_rotate="certificates")
+    found = planned(host, stopped, rotate="certificates")
     assert (found["rotate"], found["restart"]) == ("certificates", True)  # the host knows that they are new
-    assert planned(host, cut_off(), k3s_rotate="certificates")["rotate"] == "certificates"
+    assert planned(host, cut_off(), rotate="certificates")["rotate"] == "certificates"
 
 
 @pytest.mark.parametrize("now", [{}, {**SERVES, "ready": False, "service": {**UP["service"], "active": "failed"}}])
 def test_where_no_k3s_serves_nothing_is_rotated(planned: Any, now: dict[str, Any]) -> None:
-    found = planned("edge1", now, k3s_rotate="certificates")
+    found = planned("edge1", now, rotate="certificates")
     assert found["failed"]
     assert "edge1 was left as it is. No k3s serves here whose certificates could be rotated" in found["msg"]
 
 
 def test_another_word_is_refused(planned: Any) -> None:
-    found = planned("edge1", SERVES, k3s_rotate="all")
-    assert "value of k3s_rotate must be one of: , certificates, token, got: all" in found["msg"]
+    with pytest.raises(AnsibleActionFail, match="value of rotate must be one of: , certificates, token, got: all"):
+        planned("edge1", SERVES, rotate="all")
 
 
 @pytest.fixture
@@ -282,7 +283,7 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return said
 
 
-ROTATE: dict[str, Any] = {"k3s_rotate": "token", "ansible_play_hosts_all": ["edge1", "edge2", "edge3", "robot1"]}
+ROTATE: dict[str, Any] = {"rotate": "token", "ansible_play_hosts_all": ["edge1", "edge2", "edge3", "robot1"]}
 DIFFERS = {**SERVES, "tokens": {"server": "differs", "agent": "same"}}
 
 
