@@ -42,7 +42,7 @@ class K3sExchange(Work):
     name = "k3s"
     left = UNPROVEN
 
-    note = ""  # what of a rotation is told
+    note, stays = "", ""  # what of a rotation is told: where all went well, and where it did not
 
     def __init__(
         self, host: RobotHost, plan: Mapping[str, Any], variables: Variables, rotate_token: Callable[[], None]
@@ -74,6 +74,7 @@ class K3sExchange(Work):
     def make(self) -> None:
         if self._plan["rotate"] == TOKEN:
             self._rotate_token()
+            self.stays = "; the servers' token is the new one"
         self._exchanged = True
         if self._plan["restart"]:  # else what nobody has proven runs already
             write = [*self._plan["write"], *([BINARY] if self._plan["binary"] else [])]
@@ -93,7 +94,7 @@ class K3sExchange(Work):
     def undo(self) -> None:
         if not self._exchanged:
             raise StaysError("k3s was not started again; the next rotation of the token goes on")
-        self._renews, self.note = False, ""
+        self._renews = False
         self._ask("previous", datastore=self._alone and self._switched)
 
     def proven(self) -> None:
@@ -163,7 +164,7 @@ class ActionModule(HostAction):
 
 
 def _told(found: StepResult, exchange: K3sExchange) -> RobotOutcome:
-    reason = found.told() + exchange.note if found.outcome == UPDATED else found.reason
+    reason = found.told() + exchange.note if found.outcome == UPDATED else found.reason + exchange.stays
     return RobotOutcome(found.outcome, reason, (found,))
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -75,17 +76,14 @@ class ActionModule(FleetAction):
         """
         host, node, problems = known["inventory_hostname"], variables["k3s_node_name"], []
         policies, policy = "validatingadmissionpolicybinding,validatingadmissionpolicy", policy_name(node)
-
-        def ask(server: str, *arguments: str) -> str:
-            return on_server(self, known, server, BINARY, *arguments)
-
+        ask = functools.partial(on_server, self, known)
         for server in plan["givers"]:
             try:
-                if ask(server, "kubectl", "get", policies, policy, "--ignore-not-found", "-o", "name"):
+                if ask(server, BINARY, "kubectl", "get", policies, policy, "--ignore-not-found", "-o", "name"):
                     if not enrolled(variables, host):
                         raise SpecError(f"{host} gets no token: {refusal_of(node)}")
-                    ask(server, "kubectl", "delete", policies, policy, "--ignore-not-found")
-                return ask(server, "token", "create", "--ttl", LASTS, "--description", described(node))
+                    ask(server, BINARY, "kubectl", "delete", policies, policy, "--ignore-not-found")
+                return ask(server, BINARY, "token", "create", "--ttl", LASTS, "--description", described(node))
             except KubeError as error:
                 problems.append(f"{server}: {error}")
         raise FleetError(

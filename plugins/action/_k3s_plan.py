@@ -20,16 +20,7 @@ from ..plugin_utils._action.host import ActionHost
 from ..plugin_utils._action.servers import shared_token
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import BEHIND, old_archives, plan, refusals, unheard_refusal
-from ..plugin_utils._k3s.wanted import (
-    API_PORT,
-    CERTIFICATES,
-    TOKEN,
-    Datastore,
-    Wanted,
-    join_url,
-    source,
-    wanted,
-)
+from ..plugin_utils._k3s.wanted import API_PORT, CERTIFICATES, TOKEN, Datastore, Wanted, join_url, source, wanted
 from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, kubeconfig_head
 from ..plugin_utils._model.topology import address
 from ..plugin_utils._upstream import ansible_core

@@ -55,12 +55,10 @@ def shared_token(action: Any, known: Variables, servers: Sequence[str]) -> Share
 
 
 def rotate_token(action: Any, known: Variables, servers: Sequence[str]) -> None:
-    """Another token. It is written for all servers at once, as none starts with the old one from now on.
-
-    The one before is kept beside it: snapshots of before need it.
-    """
+    """Another token. It is written for all servers at once, as none starts with the old one from now on."""
+    for server in servers:  # snapshots of before need the old one
+        on_server(action, known, server, "cp", "-p", KEPT, f"{KEPT}.previous")
     on_server(action, known, servers[0], BINARY, "token", "rotate")
     text = on_server(action, known, servers[0], "cat", RUNS)
     for server in servers:
-        on_server(action, known, server, "cp", "-p", KEPT, f"{KEPT}.previous")
         _done(action, known, server, {"ansible.builtin.copy": {"dest": KEPT, "content": f"{text}\n", "mode": "0600"}})

@@ -284,6 +284,14 @@ def test_the_token_is_made_before_k3s_starts_with_it(
     assert host.asked == ["staged", *more]
 
 
+def test_a_token_is_not_taken_back_and_that_is_told(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+    host.writes, host.bad = [], True
+    monkeypatch.setattr(_k3s_change, "rotate_token", lambda *_given: None)
+    found = host.change(**TOKEN)
+    assert found["outcome"]["outcome"] == "rolled-back"
+    assert found["msg"].endswith("k3s will not become ready; the servers' token is the new one")
+
+
 def test_a_token_stays_wherever_its_rotation_ended(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_given: Any) -> None:
         raise KubeError("edge2: no route")

@@ -25,7 +25,7 @@ class Cluster:
         self.files = {server: {KEPT: whole("old"), RUNS: whole("old")} for server in THREE}
         self.files["edge1"][KEPT] = "old"  # as the first server has it
         self.asked: list[str] = []
-        self.away = ""
+        self.away, self.leaves = "", ""  # the second one as soon as there is another token
         monkeypatch.setattr(servers.ansible_core, "run_task", self.run)
 
     def run(self, _action: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
@@ -43,6 +43,7 @@ class Cluster:
         self.asked.append(f"{server}: {words}")
         if words == "/usr/local/bin/k3s token rotate":
             files[RUNS] = whole("new")
+            self.away = self.leaves
             return {"stdout": "Token rotated, restart k3s nodes with new token"}
         if words.startswith("cp -p "):
             files[f"{KEPT}.previous"] = files[KEPT]
@@ -66,7 +67,7 @@ def test_both_forms_of_a_token_are_the_same_one(cluster: Cluster) -> None:
 
 def test_another_one_is_on_all_servers_at_once_and_on_no_command_line(cluster: Cluster) -> None:
     servers.rotate_token(None, {}, THREE)
-    assert cluster.asked[0] == "edge1: /usr/local/bin/k3s token rotate"
+    assert cluster.asked[3] == "edge1: /usr/local/bin/k3s token rotate"
     assert not [line for line in cluster.asked if "old" in line or "new" in line]
     assert {files[KEPT] for files in cluster.files.values()} == {f"{whole('new')}\n"}
     # snapshots of before need it
@@ -80,6 +81,11 @@ def test_another_one_is_on_all_servers_at_once_and_on_no_command_line(cluster: C
 
 def test_a_server_that_did_not_get_it_is_known(cluster: Cluster) -> None:
     cluster.away = "edge3"
+    with pytest.raises(KubeError, match="no route"):
+        servers.rotate_token(None, {}, THREE)
+    assert "token rotate" not in " ".join(cluster.asked)  # it is not begun without one of them
+    cluster.leaves = "edge3"
+    cluster.away = ""
     with pytest.raises(KubeError, match="no route"):
         servers.rotate_token(None, {}, THREE)
     with pytest.raises(KubeError, match="the servers' token cannot be read on edge3: no route"):
