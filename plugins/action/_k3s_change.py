@@ -6,23 +6,28 @@ What is to come lies beside its place already. The result's `outcome` is a word 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError, NotReadyError, SpecError
-from ..module_utils._host.k3s import BINARY
+from ..module_utils._host.k3s import BINARY, CONFIG_DIR
 from ..module_utils._step.objects import name_of
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import HostAction
 from ..plugin_utils._action.host import RobotHost
+from ..plugin_utils._action.servers import rotate_token
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE, plain
 from ..plugin_utils._k3s.plan import refusal, restarts_pods
+from ..plugin_utils._k3s.rotation import lives, renewed, told
+from ..plugin_utils._k3s.wanted import CERTIFICATES, FOR_AGENTS, TOKEN
 from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ..plugin_utils._model.topology import EDGE_CLUSTER
 from ..plugin_utils._report.held import nodes_off
 from ..plugin_utils._report.kept import keep_early
+from ..plugin_utils._update.change import StaysError
 from ..plugin_utils._update.cluster import is_server
 from ..plugin_utils._update.host_change import HostChange, Work
 from ..plugin_utils._update.ledger import SERVERS
@@ -37,7 +42,12 @@ class K3sExchange(Work):
     name = "k3s"
     left = UNPROVEN
 
-    def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Variables) -> None:
+    note, stays = "", ""  # what of a rotation is told: where all went well, and where it did not
+
+    def __init__(
+        self, host: RobotHost, plan: Mapping[str, Any], variables: Variables, rotate_token: Callable[[], None]
+    ) -> None:
+        self._rotate_token, self._exchanged = rotate_token, False
         self._host, self._plan, self._role = host, plan, variables["k3s_role"]
         self.node = variables["k3s_node_name"]
         self._timeout = variables["k3s_start_timeout"]
@@ -49,6 +59,11 @@ class K3sExchange(Work):
             release = variables["k3s_install_source"] == "release"
             self.after = str(found["staged"] or (variables["k3s_version"] if release else AIRGAP))
         self.unproven, self._earlier = bool(found["unproven"]), str(found["version"])
+        self._renews = bool(plan["renews"])
+        if self._renews:
+            self.note = f"; certificates {told(lives(found['certificates']))}"
+        if plan["rotate"] == TOKEN:
+            self.note = "; another token of the servers"
 
     def refuse(self, servers: Sequence[str] = ()) -> None:
         """SpecError where that is no step to take; `servers` are the versions of those that it is an agent of."""
@@ -57,11 +72,17 @@ class K3sExchange(Work):
             raise SpecError(refused)
 
     def make(self) -> None:
+        if self._plan["rotate"] == TOKEN:
+            self._rotate_token()
+            self.stays = "; the servers' token is the new one"
+        self._exchanged = True
         if self._plan["restart"]:  # else what nobody has proven runs already
             write = [*self._plan["write"], *([BINARY] if self._plan["binary"] else [])]
+            write += [f"{CONFIG_DIR}/{name}" for name in self._plan["tokens"] if name == FOR_AGENTS]
             # the datastore was kept by the change that this one goes on from
             self._switched = not self.unproven
-            self._ask("next", write=write, remove=self._plan["remove"])
+            renew = self._plan["rotate"] == CERTIFICATES
+            self._ask("next", write=write, remove=self._plan["remove"], renew=renew)
 
     def works(self) -> None:
         asked = {"role": self._role, "member": self._plan["member"], "timeout": self._timeout}
@@ -71,9 +92,14 @@ class K3sExchange(Work):
         self._start = str(self._ask("staged")["start"])
 
     def undo(self) -> None:
+        if not self._exchanged:
+            raise StaysError("k3s was not started again; the next rotation of the token goes on")
+        self._renews = False
         self._ask("previous", datastore=self._alone and self._switched)
 
     def proven(self) -> None:
+        if self._renews:  # its kubelet was heard of by now, so that all of them are there
+            self.note = f"; certificates {told(renewed(lives(self._ask('staged')['certificates'])))}"
         self._ask("proven", start=self._start)
 
     def _ask(self, state: str, **more: Any) -> Result:
@@ -114,12 +140,13 @@ class ActionModule(HostAction):
 
     def _change(self, params: Arguments, variables: Variables, known: Variables, before: Result) -> RobotOutcome:
         plan = plain(params["plan"])
-        exchange = K3sExchange(RobotHost(self, known), plan, variables)
+        rotate = functools.partial(rotate_token, self, known, variables["k3s_server_hosts"])
+        exchange = K3sExchange(RobotHost(self, known), plan, variables, rotate)
         settings = self.settings(variables, variables["k3s_start_timeout"], exchange.name, before)
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             exchange.refuse()
-            return _told(self.taken(HostChange(exchange, settings, self.world(known))))
+            return _told(self.taken(HostChange(exchange, settings, self.world(known))), exchange)
         with self.cluster(params, known) as kube:
             pods_notice = _permitted(exchange, kube.nodes(), variables)
             if pods_notice:
@@ -129,15 +156,16 @@ class ActionModule(HostAction):
                 )
             robots = self.robots(known, kube, exchange.node, pods_notice)
             change = HostChange(exchange, settings, self.world(known), self.run_of(kube, known), robots)
-            outcome = _told(self.taken(change))
+            outcome = _told(self.taken(change), exchange)
             if not (self._task.check_mode or outcome.outcome == WAITING):
                 changed = outcome.outcome == UPDATED
                 keep_early(kube, known["inventory_hostname"], outcome.outcome, f"k3s: {outcome.reason}", changed)
             return outcome
 
 
-def _told(found: StepResult) -> RobotOutcome:
-    return RobotOutcome(found.outcome, found.told() if found.outcome == UPDATED else found.reason, (found,))
+def _told(found: StepResult, exchange: K3sExchange) -> RobotOutcome:
+    reason = found.told() + exchange.note if found.outcome == UPDATED else found.reason + exchange.stays
+    return RobotOutcome(found.outcome, reason, (found,))
 
 
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Variables) -> bool:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,14 +12,14 @@ from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError, KubeError, SpecError
-from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG, without_secrets
+from ..module_utils._host.k3s import BINARY, CONFIG_DIR, KUBECONFIG
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._action.servers import on_server
 from ..plugin_utils._action.variables import plain
-from ..plugin_utils._k3s.wanted import Datastore, Wanted, enrolled, tokens_to_keep, wanted
+from ..plugin_utils._k3s.wanted import FOR_AGENTS, Datastore, Wanted, enrolled, tokens_to_keep, wanted
 from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, keep, kubeconfig_head, local_kubeconfig
 from ..plugin_utils._objects.revocation import described, policy_name, refusal_of
-from ..plugin_utils._upstream import ansible_core
 
 # as systemd does itself when the bridge appears
 BRIDGE = ["/lib/systemd/systemd-sysctl", "--prefix=/net/ipv4/neigh/cni0"]
@@ -75,13 +76,14 @@ class ActionModule(FleetAction):
         """
         host, node, problems = known["inventory_hostname"], variables["k3s_node_name"], []
         policies, policy = "validatingadmissionpolicybinding,validatingadmissionpolicy", policy_name(node)
+        ask = functools.partial(on_server, self, known)
         for server in plan["givers"]:
             try:
-                if _on(self, known, server, "kubectl", "get", policies, policy, "--ignore-not-found", "-o", "name"):
+                if ask(server, BINARY, "kubectl", "get", policies, policy, "--ignore-not-found", "-o", "name"):
                     if not enrolled(variables, host):
                         raise SpecError(f"{host} gets no token: {refusal_of(node)}")
-                    _on(self, known, server, "kubectl", "delete", policies, policy, "--ignore-not-found")
-                return _on(self, known, server, "token", "create", "--ttl", LASTS, "--description", described(node))
+                    ask(server, BINARY, "kubectl", "delete", policies, policy, "--ignore-not-found")
+                return ask(server, BINARY, "token", "create", "--ttl", LASTS, "--description", described(node))
             except KubeError as error:
                 problems.append(f"{server}: {error}")
         raise FleetError(
@@ -92,8 +94,8 @@ class ActionModule(FleetAction):
     def _files(self, plan: Arguments, tokens: Mapping[str, str], variables: Variables, known: Variables) -> Result:
         """Write the tokens, and write and delete the files that the plan names. What may hold passwords has no diff.
 
-        What is `staged` (an ending) lies beside its place until somebody exchanges it; its place is looked at only, for
-        the diff, and nothing is deleted.
+        What is `staged` (an ending) lies beside its place until somebody exchanges it, a token for agents, too; its
+        place is looked at only, for the diff, and nothing is deleted.
         """
         check, staged = bool(self._task.check_mode), plan["staged"]
         host = ActionHost(self, known, check_mode=check)
@@ -101,7 +103,10 @@ class ActionModule(FleetAction):
         there = (plan["joins"], Datastore(plan["etcd"], plan["encrypts"]))
         part = wanted(variables, known["inventory_hostname"], known["hostvars"], *there)
         result = {"changed": False, "diff": [], "written": plan["write"], "removed": plan["remove"]}
-        done = [host.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False) for name, text in tokens.items()]
+        done = []
+        for name, text in tokens.items():
+            beside = staged if name == FOR_AGENTS else ""  # a server that boots meanwhile needs the newest of its own
+            done.append(host.write(f"{CONFIG_DIR}/{name}{beside}", f"{text}\n", "0600", diff=False))
         for file in (file for file in part.beside if file.path in plan["beside"]):
             done.append(host.write(file.path, file.content, file.mode, diff=self._task.diff))
         if plan["beside"] and not check:
@@ -118,15 +123,6 @@ class ActionModule(FleetAction):
             result["diff"] += diffs if isinstance(diffs, list) else [diffs]
             result["changed"] |= bool(one.get("changed"))
         return result
-
-
-def _on(action: FleetAction, known: Variables, server: str, *arguments: str) -> str:
-    """What k3s on a server said to this; KubeError where it said nothing of use. Nothing of it is shown."""
-    command = {"ansible.builtin.command": {"argv": [BINARY, *arguments]}, "delegate_to": server}
-    found = ansible_core.run_task(action, known, {**command, "become": True, "no_log": True, "check_mode": False})
-    if found.get("failed") or found.get("unreachable"):
-        raise KubeError(without_secrets(str(found.get("stderr") or found.get("msg") or "it failed").strip()[-300:]))
-    return str(found["stdout"]).strip()
 
 
 def _fetched(host: ActionHost, part: Wanted, cluster: str, there: bool, check: bool) -> Result:

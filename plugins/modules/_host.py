@@ -108,15 +108,16 @@ def k3s_download(module: AnsibleModule, arguments: Arguments) -> Facts:
 def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
     """`arguments` are the `role` and the `state`.
 
-    With the state `staged` nothing is changed. `next` exchanges what is in `write` and `remove`, `previous` takes an
-    unproven change back, the `datastore`, too, if so, and `proven` says that the `start` of the unit was a good one.
+    With the state `staged` nothing is changed. `next` exchanges what is in `write` and `remove`, and has the
+    certificates made anew if it is to `renew`; `previous` takes an unproven change back, the `datastore`, too, if so,
+    and `proven` says that the `start` of the unit was a good one.
     """
     change, state = K3sChange(module.run_command, arguments["role"]), arguments["state"]
     record = change.record()
     changed = state in ("next", "previous") or (state == "proven" and record.unproven)
     if not module.check_mode:
         if state == "next":
-            record = change.switch(arguments["write"], arguments["remove"])
+            record = change.switch(arguments["write"], arguments["remove"], arguments["renew"])
         elif state == "previous":
             record = change.back(arguments["datastore"])
         elif state == "proven":
@@ -128,6 +129,7 @@ def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
         "version": record.version,
         "unproven": record.unproven,
         "start": change.invocation(),
+        "certificates": change.ends(),
     }
 
 

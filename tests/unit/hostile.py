@@ -28,7 +28,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
     printable,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates
-from ansible_collections.rosops.fleet.plugins.module_utils._host import facts, k3s
+from ansible_collections.rosops.fleet.plugins.module_utils._host import certificates, facts, k3s
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import sidecar
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import door, memory
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import replies, rpc, tcpros
@@ -38,6 +38,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import closed, events_of, went_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images import archive, node
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s import rotation
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import local_kubeconfig, url_at
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import formats, machines
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.claims import sources
@@ -264,6 +265,7 @@ DEFINITION = (
     + "=" * 80
     + "\nMSG: d/P\nstring s\n"
 )
+PEM = "-----BEGIN CERTIFICATE-----\nFw0yNjExMjYwODAwMDBaFw0yNzExMjYwODAwMDBa\n-----END CERTIFICATE-----\n"
 FORMS_PLAIN = {
     name: form for name, form in formats.FORMS.items() if name not in ("unicode", "time-zone", "launch-file")
 }
@@ -333,6 +335,10 @@ PARSERS: dict[str, Parser] = {
     "formats.FORMS": Parser(lambda said: [name for name,
         form in FORMS_PLAIN.items() if form.test(said) and re.search(r"[\0-\x20\x7f]", said)], ("ros:noetic",
         "/dev/video0", "http://a:1", "robot-1", "10.0.0.0/8", "1Gi"), (), lambda wrong: wrong == [], text),
+    "rotation.lives": Parser(lambda said: rotation.told(rotation.lives(said)), ({"agent/client-kubelet.crt":
+        ["2027-03-01T08:00:00", "2027-11-26T08:00:00"]},), (SpecError,), quiet),
+    "certificates.end_of": Parser(certificates.end_of, (PEM,), (),
+        lambda end: re.fullmatch(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d)?", end) is not None, text),
     "machines.version": Parser(machines.version, ("v1.34.2-rc1+k3s1",), spoil=text),
     "machines.too_old": Parser(machines.too_old, ("(3, 7)",), spoil=text),
     "k3s.listed_sum": Parser(lambda said: k3s.listed_sum(said, "k3s", "x"), (f"{'a' * 64}  k3s\n",), (FleetError,),

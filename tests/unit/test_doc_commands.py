@@ -38,6 +38,8 @@ RUN = {
     "::test_rollback_to_the_previous_and_to_a_named_revision",
     r"PLAY revoke -e robot=robot\d( --check)?": "tests/unit/playbooks/test_revoke.py"
     "::test_a_robot_is_named_and_not_asked",
+    r"PLAY rotate( --check| -e rotate=token)?": "tests/update/test_9_rotated.py"
+    "::test_certificates_are_made_anew_under_robots_at_work",
     r"PLAY guarded -e guarded_tasks=\$PWD/tasks/reboot\.yml( LIMIT)?": "tests/unit/playbooks/test_guarded_tasks.py"
     "::test_they_run_once_and_change_nothing_the_second_time",
     r"PLAY record LIMIT": REHEARSAL,

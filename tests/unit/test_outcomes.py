@@ -11,7 +11,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.callback.fleet_report import CORE
 
 PLAYBOOKS = Path(__file__).resolve().parents[2] / "playbooks"
-PARTS = ("edge_images.yml", "outcomes.yml", "waves.yml", "validate.yml")  # of the others
+PARTS = ("edge_images.yml", "k3s_waves.yml", "outcomes.yml", "waves.yml", "validate.yml")  # of the others
 ELSEWHERE = ("awx_setup.yml", "new.yml")  # of these no host of a fleet is asked
 FOR_AWX = ("awx_access.yml", "awx_setup.yml")  # which needs one in a credential
 

@@ -265,15 +265,16 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     `stale`: k3s was started with other files. `data`: there is a datastore (server) or a node's certificate (agent); a
     host without it says which servers are `answering`. `lapsed`: the node's certificate is of no more use to it.
     `encrypts`: Secrets in the datastore are. `cgroup_refused`: k3s 1.35 and newer does not start here. `tokens` are
-    verdicts alone, and `change` is the last exchange. The servers' token never changes; that for agents may become
-    another one, which k3s itself has written down only after its next start.
+    verdicts alone, and `change` is the last exchange, `renewed` where it has made the certificates anew and nobody has
+    proven it. The token for agents may become another one, which k3s itself has written down only after its next start.
     """
     role, files, servers = asked["role"], asked["files"], asked["servers"]
     service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
     shown = host.show(service)
     # what runs now runs, however often it had to be started before
     seen = host.look(role, restarts_before=int(shown.get("NRestarts") or 0))
-    change, there = K3sChange(host.run, role).record(), k3s_leftovers(host)
+    last, there = K3sChange(host.run, role, str(host.root)), k3s_leftovers(host)
+    change = last.record()
     data = there["server_data" if role == "server" else "agent_data"]
     knocks = [] if data else reach(servers, KNOCK)
     kept, known = ([host.read(f"{place}/{name}") for name in TOKENS] for place in (CONFIG_DIR, f"{DATA_DIR}/server"))
@@ -301,6 +302,6 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
         "server_url": there["server_url"],
         "cgroup_refused": cgroup(host)["refused"],
         "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
-        "change": {"unproven": change.unproven, "version": change.version},
+        "change": {"unproven": change.unproven, "version": change.version, "renewed": last.renewed()},
         "kubeconfig_sha256": host.describe(KUBECONFIG)["sha256"],
     }

@@ -17,6 +17,7 @@ from typing import Iterable, Mapping, NamedTuple
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
+from .certificates import KUBELET_KEY, end_of, renewable
 from .k3s import BINARY, DATA_DIR, ETCD, SERVICES, K3sHost, Run
 
 RECORD = "/var/lib/rosops-fleet/k3s-change.json"
@@ -56,14 +57,17 @@ class K3sChange(K3sHost):
         except (ValueError, TypeError):
             return Change()
 
-    def switch(self, write: Iterable[str], remove: Iterable[str]) -> Change:
-        """Keep what is there, exchange it, and start k3s again. FleetError before anything was exchanged."""
+    def switch(self, write: Iterable[str], remove: Iterable[str], renew: bool = False) -> Change:
+        """Keep what is there, exchange it, and start k3s again. FleetError before anything was exchanged.
+
+        With `renew` its certificates are made anew, too. What was cut off after these were taken away only starts.
+        """
         coming, going = list(write), [name for name in remove if self.path(name).exists()]
         missing = [name for name in coming if not self.path(name + NEXT).exists()]
         if missing:
             raise FleetError(f"{', '.join(name + NEXT for name in missing)} is not there; nothing was exchanged")
         try:
-            record = self._keep([*coming, *going])
+            record = self._keep([*coming, *going, *(renewable(self) if renew else ())])
         except (FleetError, OSError):
             self.must("systemctl", "start", "--no-block", self.service)  # it may have been stopped for its database
             raise
@@ -71,6 +75,9 @@ class K3sChange(K3sHost):
             self.path(name + NEXT).replace(self.path(name))
         for name in going:
             self.path(name).unlink()
+        if renew and not self.renewed():
+            self.must("systemctl", "stop", self.service)
+            self.must(str(self.path(BINARY)), "certificate", "rotate")
         self._start()
         return record
 
@@ -113,6 +120,28 @@ class K3sChange(K3sHost):
             if start and self.invocation() != start:
                 raise FleetError(f"{self.service} served, and has ended and started again since")
             self._write(record._replace(unproven=False))
+            for name in (name for name in record.files if name.startswith(DATA_DIR)):
+                self.path(name + PREVIOUS).unlink(missing_ok=True)  # a key of before is of no more use
+
+    # --- certificates -----------------------------------------------------------------------------------------------
+
+    def renewed(self) -> bool:
+        """Whether the change that nobody has proven has taken the certificates away, or there are new ones by now."""
+        record, key = self.record(), self.path(KUBELET_KEY)
+        if not (record.unproven and record.files.get(KUBELET_KEY)):
+            return False
+        return not (key.exists() and key.samefile(self.path(KUBELET_KEY + PREVIOUS)))
+
+    def ends(self) -> dict[str, list[str]]:
+        """When each certificate ended before the change that nobody has proven, and when it ends now."""
+        record = self.record()
+        kept = record.files if record.unproven else {}
+        found = {}
+        for name in renewable(self):
+            ends = [end_of(self.read(name + PREVIOUS if kept.get(name) else name)), end_of(self.read(name))]
+            if all(ends):
+                found[name[len(DATA_DIR) + 1 :]] = ends
+        return found
 
     # --- keeping ----------------------------------------------------------------------------------------------------
 

@@ -14,15 +14,16 @@ from dataclasses import replace
 
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.poll import WAIT
-from ...module_utils._host.k3s import BINARY
+from ...module_utils._host.k3s import BINARY, CONFIG_DIR
 from .._model.machines import CGROUP_V2_FROM, MACHINES
 from .._model.machines import version as parsed
 from .wanted import Artifacts, HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
-# verdicts of k3s_facts with which a token must be written; that of the servers is the datastore's key
-WRITE = {"token": ("absent", "restore"), "agent-token": ("absent", "restore", "differs")}
+BEHIND = "behind"  # verdict on a server's token: another server of its cluster has a newer one
+# verdicts with which a token must be written; that of the servers is the datastore's key
+WRITE = {"token": ("absent", "restore", BEHIND), "agent-token": ("absent", "restore", "differs")}
 ARCHIVE = re.compile(r"k3s-airgap-images-.*-[0-9a-f]{12}[.]tar")
 
 
@@ -55,7 +56,7 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     joins = wanted.anew or (not wanted.init and (not now["data"] or now["lapsed"]))
     tokens = [name for name in wanted.tokens if joins or verdicts[name] in WRITE[name]]
     changes = file_changes(wanted.files, now["files"])
-    changed = bool(binary or tokens or any(changes.values()) or now["stale"])
+    changed = bool(binary or tokens or any(changes.values()) or now["stale"] or wanted.rotate)
     up = now["service"]["active"] in UP
     start = changed or not up or not now["service"]["enabled"]
     unproven = bool(now["change"]["unproven"])
@@ -64,6 +65,7 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
         "binary": binary,
         "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
         "tokens": tokens,
+        "rotate": wanted.rotate,
         **changes,
         "beside": file_changes(wanted.beside, now["files"])["write"],
         "start": start,
@@ -71,12 +73,13 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
         # what serves is changed with care, and what nobody has proven is proven or taken back
         "guarded": (works and changed) or unproven,
         "unproven": unproven,
-        "restart": changed,
+        # what was cut off may have left it stopped
+        "restart": changed or (unproven and not up),
         "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
     undone = any(value for name, value in work.items() if name != "wait")
-    if wanted.anew:  # it gets a token at each look, so that by this nobody sees whether it has one by now
-        undone = plan(now, replace(wanted, anew=False), source, version, kubeconfig_right)["undone"]
+    if wanted.anew or wanted.rotate:  # asked for at each look, so that by this nobody sees whether it was done
+        undone = plan(now, replace(wanted, anew=False, rotate=""), source, version, kubeconfig_right)["undone"]
     return {
         **work,
         "works": works,
@@ -102,7 +105,12 @@ def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
     """Sentences; `now` is what k3s_facts found."""
     role, servers, tokens = variables["k3s_role"], variables["k3s_server_hosts"], now["tokens"]
     cluster = f"the cluster {variables['k3s_cluster']} runs with"
-    if tokens["server"] == "differs":
+    if tokens["server"] == "differs" and not variables["k3s_token"]:
+        yield (
+            f"The token in {CONFIG_DIR}/token is not the one that {cluster}. Where its rotation has ended early, "
+            "rosops.fleet.rotate with rotate=token goes on with it."
+        )
+    elif tokens["server"] == "differs":
         yield (
             f"k3s_token is not the token that {cluster}: with another one its servers do not start, for they keep the "
             "cluster's own keys in the datastore under it. Take k3s_token out of the inventory to keep it."

@@ -45,7 +45,9 @@ SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@
 # A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.
 WEIGHTS = {"agent": "10", "server": ""}
 ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
-VARIABLES = {"token": "k3s_token", "agent-token": "k3s_agent_token"}
+FOR_AGENTS = "agent-token"
+VARIABLES = {"token": "k3s_token", FOR_AGENTS: "k3s_agent_token"}
+CERTIFICATES, TOKEN = "certificates", "token"  # what can be made anew
 UNIT = """[Unit]
 Description=k3s {role}
 Documentation=https://docs.k3s.io
@@ -139,6 +141,7 @@ class Wanted:
     kubeconfig: str  # its path on the control node; empty where this host gives none
     anew: bool = False  # it joins, though it has joined before
     beside: tuple[HostFile, ...] = ()  # files of the host that k3s does not read
+    rotate: str = ""  # what of its secrets is to be made anew: CERTIFICATES, TOKEN
 
 
 def join_url(variables: Variables, hostvars: Mapping[str, Variables], now: Result) -> str:

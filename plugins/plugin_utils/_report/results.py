@@ -13,7 +13,7 @@ from .._update.outcome import RobotOutcome
 Result = Mapping[str, Any]  # of a task, as Ansible has it
 
 FACTS = ("fleet_outcome", "fleet_k3s_outcome")  # the latter is site's own, of its stage k3s
-ACTIONS = ("_robot_update", "_update_soak", "_guarded", "_revoke")  # whose result has an outcome
+ACTIONS = ("_robot_update", "_update_soak", "_guarded", "_k3s_change", "_revoke")  # whose result has an outcome
 HIDDEN = "hidden by no_log"
 CORE_PREFIX = "Task failed: "  # ansible-core 2.19 puts it before every message of a plugin
 MESSAGE_KEPT = 4000  # a result is not a log

@@ -49,7 +49,8 @@ const usage = `labk3s, a test stand-in for k3s. Commands:
   ctr            the host's ctr, pointed at this containerd
   crictl         images -o json | ps -a -o json | pull IMAGE
   etcd-snapshot  save
-  token          create | list -o json | delete ID
+  token          create | list -o json | delete ID | rotate
+  certificate    rotate
 
 Server and supervisor both answer on port 6443. Anything of k3s's that is
 missing here is an error that names it.
@@ -104,6 +105,8 @@ func run(args []string) error {
 		return snapshotCommand(rest)
 	case "token":
 		return tokenCommand(rest)
+	case "certificate":
+		return certificateCommand(defaultDataDir, rest)
 	}
 	if component, ok := components[command]; ok {
 		return component(rest)

@@ -51,6 +51,7 @@ type supervisor struct {
 	etcd        *clientv3.Client // nil until etcd runs
 	kube        kubernetes.Interface
 	apiReady    atomic.Bool
+	rotated     atomic.Pointer[string] // the servers' secret, once it was made anew
 }
 
 const (
@@ -161,6 +162,7 @@ func (s *supervisor) handler() (http.Handler, error) {
 	})))
 	mux.HandleFunc("GET /v1-k3s/server-bootstrap", server(s.serveBootstrap))
 	mux.HandleFunc("GET /v1-k3s/etcd-endpoints", server(s.serveEtcdEndpoints))
+	mux.HandleFunc("PUT /v1-k3s/token", server(s.serveTokenRotation))
 	mux.Handle("/v1-k3s/", http.NotFoundHandler())
 	mux.Handle("/", proxy)
 	return mux, nil
@@ -296,7 +298,7 @@ func (s *supervisor) authorized(next http.HandlerFunc, users ...string) http.Han
 }
 
 func (s *supervisor) tokenValid(name, secret string, users []string) bool {
-	return slices.Contains(users, name) && (same(secret, s.serverToken) || name == "node" && same(secret, s.agentToken))
+	return slices.Contains(users, name) && (same(secret, s.serversSecret()) || name == "node" && same(secret, s.agentToken))
 }
 
 // nodeOf is the name of the node whose kubelet has this certificate.

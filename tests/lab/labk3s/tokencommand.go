@@ -24,6 +24,9 @@ const joiners = "system:bootstrappers:k3s:default-node-token"
 // tokenCommand is `k3s token`: bootstrap tokens, which are Secrets of
 // kube-system that the API server itself knows.
 func tokenCommand(args []string) error {
+	if len(args) > 0 && args[0] == "rotate" {
+		return rotateToken(defaultDataDir, "https://127.0.0.1:"+apiPort, args[1:])
+	}
 	config, err := clientcmd.BuildConfigFromFlags("", kubeconfigFile)
 	if err != nil {
 		return err
@@ -94,7 +97,7 @@ func runToken(ctx context.Context, kube kubernetes.Interface, ca []byte, args []
 		}
 		return nil
 	}
-	return fmt.Errorf("labk3s lacks `k3s token %s` (it has create, list and delete)", command)
+	return fmt.Errorf("labk3s lacks `k3s token %s` (it has create, list, delete and rotate)", command)
 }
 
 // bootstrapSecret is what the API server and the tokencleaner read; without a

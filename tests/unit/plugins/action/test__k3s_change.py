@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from ansible.errors import AnsibleConnectionFailure
 from ansible_collections.rosops.fleet.plugins.action import _k3s_change
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost, RobotHost
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import AtRest, run
@@ -17,8 +18,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import A
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
 PLAN: dict[str, Any] = {
     "binary": True, "write": ["/etc/rancher/k3s/config.yaml"], "remove": [], "restart": True, "works": True,
-    "member": "", "etcd": True, "cgroup_refused": False, "version": OLD,
+    "member": "", "etcd": True, "cgroup_refused": False, "version": OLD, "tokens": [], "rotate": "", "renews": False,
 }  # fmt: skip
+
+CERTIFICATE = "agent/client-kubelet.crt"
+EARLY, LATE = "2027-03-01T08:00:00", "2027-11-26T08:00:00"
 
 NO_ROBOTS: dict[str, Any] = {"robots": {}, "hosts": {}, "edge_nodes": [], "name": "lab"}
 
@@ -37,6 +41,8 @@ class Host:
         self.args: dict[str, Any] = {}  # of the last call with each state
         self.kept: list[tuple[Any, ...]] = []  # in the cluster, as soon as it is known
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
+        self.writes = ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
+        self.lives, self.renewed = [EARLY, EARLY], EARLY  # of a certificate before and now, and once k3s has started
         self.known_nodes, self.robots_asked, self.cluster = [node("robot1")], False, AtRest(5)
         monkeypatch.setattr(ActionHost, "module", lambda _host, _name, args, *_more: self.module(args))
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.module({}))
@@ -61,9 +67,12 @@ class Host:
             self.asked.append(args["state"])
             self.bad = self.bad and args["state"] != "previous"
             if args["state"] == "next":
-                assert args["write"] == ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
+                assert args["write"] == self.writes
+                self.lives[1] = self.renewed
+            self.lives[1] = self.lives[0] if args["state"] == "previous" else self.lives[1]
             self.args[args["state"]] = args
             found = {"staged": self.staged, "version": OLD, "unproven": self.unproven}
+            found["certificates"] = {CERTIFICATE: [*self.lives]}
             return {**found, "start": f"after {self.asked[-2:]}"}
         if args.get("job") == "k3s_ready":
             return {"failed": self.bad, "msg": "k3s will not become ready"}
@@ -208,4 +217,87 @@ def test_a_version_that_is_no_step_is_refused_where_k3s_does_not_serve_too(host:
     host.staged = "v1.30.0+lab1"
     found = host.change(plan={"works": False})
     assert "is older than v1.34.2+lab1" in found["msg"]
+    assert host.asked == ["staged"]
+
+
+# --- certificates and the servers' token are made anew ----------------------------------------------------------------
+
+SAME: dict[str, Any] = {"binary": False, "write": []}
+RENEWS: dict[str, Any] = {**SAME, "rotate": "certificates", "renews": True}
+CERTIFICATES: dict[str, Any] = {"plan": RENEWS}
+
+
+def test_new_certificates_are_told_by_their_ends(host: Host) -> None:
+    host.writes, host.renewed = [], LATE
+    found = host.change(**CERTIFICATES)
+    assert found["outcome"]["outcome"] == "updated"
+    assert found["msg"].endswith("; certificates until 2027-11-26 (before: 2027-03-01): agent/client-kubelet.crt")
+    assert host.args["next"]["renew"] is True
+    assert host.asked == ["staged", "next", "staged", "staged", "proven"]
+
+
+def test_an_agents_token_to_join_comes_with_them_and_goes_with_them(host: Host) -> None:
+    """k3s takes away by what it would be let in again."""
+    host.writes, host.renewed, host.known_nodes = ["/etc/rancher/k3s/agent-token"], LATE, [node("edge1")]
+    found = host.change(k3s_role="agent", plan={**RENEWS, "tokens": ["agent-token"]})
+    assert found["outcome"]["outcome"] == "updated"
+
+
+@pytest.mark.parametrize("ends", [EARLY, "2027-01-01T00:00:00"])
+def test_certificates_that_are_no_others_are_taken_back(host: Host, ends: str) -> None:
+    host.writes, host.renewed = [], ends
+    found = host.change(**CERTIFICATES)
+    assert found["outcome"]["outcome"] == "rolled-back"
+    assert "agent/client-kubelet.crt is no other one than before, or ends no later" in found["msg"]
+    assert "until" not in found["msg"]
+    assert host.asked[-3:] == ["previous", "staged", "proven"]
+
+
+def test_those_of_a_run_that_was_cut_off_are_only_proven(host: Host) -> None:
+    host.unproven, host.lives = True, [EARLY, LATE]
+    found = host.change(plan={**RENEWS, "rotate": "", "restart": False})
+    assert found["msg"].endswith("certificates until 2027-11-26 (before: 2027-03-01): agent/client-kubelet.crt")
+    assert "next" not in host.asked
+
+
+def test_check_mode_tells_when_certificates_end(host: Host) -> None:
+    found = host.change(check_mode=True, **CERTIFICATES)
+    assert found["changed"]
+    assert found["msg"].startswith("would change: ")
+    assert found["msg"].endswith("; certificates until 2027-03-01: agent/client-kubelet.crt")
+    assert host.asked == ["staged"]
+
+
+TOKEN: dict[str, Any] = {"plan": {**SAME, "rotate": "token"}}
+
+
+@pytest.mark.parametrize("check_mode", [False, True])
+def test_the_token_is_made_before_k3s_starts_with_it(
+    host: Host, monkeypatch: pytest.MonkeyPatch, check_mode: bool
+) -> None:
+    host.writes = []
+    monkeypatch.setattr(_k3s_change, "rotate_token", lambda *given: host.asked.append(f"token of {given[2]}"))
+    found = host.change(check_mode, **TOKEN)
+    assert found["outcome"]["outcome"] == "updated"
+    assert found["msg"].endswith("; another token of the servers")
+    more = [] if check_mode else ["token of ['robot1']", "next", "staged", "proven"]
+    assert host.asked == ["staged", *more]
+
+
+def test_a_token_is_not_taken_back_and_that_is_told(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+    host.writes, host.bad = [], True
+    monkeypatch.setattr(_k3s_change, "rotate_token", lambda *_given: None)
+    found = host.change(**TOKEN)
+    assert found["outcome"]["outcome"] == "rolled-back"
+    assert found["msg"].endswith("k3s will not become ready; the servers' token is the new one")
+
+
+def test_a_token_stays_wherever_its_rotation_ended(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_given: Any) -> None:
+        raise KubeError("edge2: no route")
+
+    monkeypatch.setattr(_k3s_change, "rotate_token", broken)
+    found = host.change(**TOKEN)
+    assert found["outcome"]["outcome"] == "failed"
+    assert "edge2: no route; k3s was not started again; the next rotation of the token goes on" in found["msg"]
     assert host.asked == ["staged"]

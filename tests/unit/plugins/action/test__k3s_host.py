@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from ansible.template import trust_as_template
 from ansible_collections.rosops.fleet.plugins.action import _k3s_host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import servers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import kubeconfig_head
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
@@ -160,6 +161,12 @@ def test_tokens_come_in_place_and_what_they_are_not_shown(written: list[tuple[st
     assert written[0] == ("/etc/rancher/k3s/agent-token", True)
 
 
+def test_a_token_for_agents_comes_with_the_change(written: list[tuple[str, bool]]) -> None:
+    """A robot that goes on working keeps the one that it has, and nothing is to be started again."""
+    files(".next", tokens=["agent-token"], write=[], remove=[])
+    assert written == [("/etc/rancher/k3s/agent-token.next", False)]
+
+
 def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list[tuple[str, bool]]) -> None:
     assert files(".next")["changed"]
     assert written == [
@@ -228,7 +235,7 @@ class Servers:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **answers: dict[str, Any]) -> None:
         self.answers, self.asked = answers, list[str]()
         self.wrote: dict[str, str] = {}
-        monkeypatch.setattr(_k3s_host.ansible_core, "run_task", self.run)
+        monkeypatch.setattr(servers.ansible_core, "run_task", self.run)
         monkeypatch.setattr(_k3s_host.ActionHost, "write", self.write)
 
     def run(self, _action: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
@@ -260,37 +267,37 @@ CREATED = {"create": {"stdout": f"{MADE}\n"}}
 
 def test_an_agent_gets_a_token_that_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first server is away; what it says of that is no secret's place."""
-    servers = Servers(monkeypatch, edge1={"unreachable": True, "msg": "no route"}, **CREATED)
-    assert servers.join()["changed"]
-    assert servers.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}
-    assert servers.asked[1:] == [
+    asked_of = Servers(monkeypatch, edge1={"unreachable": True, "msg": "no route"}, **CREATED)
+    assert asked_of.join()["changed"]
+    assert asked_of.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}
+    assert asked_of.asked[1:] == [
         f"edge2: kubectl get {POLICIES} -o name",
         "edge2: token create --ttl 1h --description rosops.fleet: robot-one",
     ]
 
 
 def test_check_mode_makes_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    servers = Servers(monkeypatch)
-    assert servers.join(check_mode=True)["changed"]
-    assert not servers.asked
+    asked_of = Servers(monkeypatch)
+    assert asked_of.join(check_mode=True)["changed"]
+    assert not asked_of.asked
 
 
 def test_where_no_server_makes_one_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     away, broken = {"unreachable": True, "msg": "no route"}, {"failed": True, "stderr": MADE}
-    servers = Servers(monkeypatch, edge1=away, edge2=broken)
-    said = servers.join()
+    asked_of = Servers(monkeypatch, edge1=away, edge2=broken)
+    said = asked_of.join()
     assert said["failed"]
     assert "robot1 has not joined the cluster edge yet" in said["msg"]
     assert "edge1: no route; edge2: ********" in said["msg"]
-    assert not servers.wrote
+    assert not asked_of.wrote
 
 
 def test_one_that_was_revoked_gets_one_by_its_name_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    servers = Servers(monkeypatch, get={"stdout": f"validatingadmissionpolicy/{REVOKED}"}, **CREATED)
-    said = servers.join()
+    asked_of = Servers(monkeypatch, get={"stdout": f"validatingadmissionpolicy/{REVOKED}"}, **CREATED)
+    said = asked_of.join()
     assert said["failed"]
     assert "robot1 gets no token: the node robot-one is revoked" in said["msg"]
-    assert not any("token create" in one for one in servers.asked)
-    assert servers.join(k3s_enrol="robot1")["changed"]
-    assert servers.asked[-2] == f"edge1: kubectl delete {POLICIES}"
-    assert servers.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}
+    assert not any("token create" in one for one in asked_of.asked)
+    assert asked_of.join(k3s_enrol="robot1")["changed"]
+    assert asked_of.asked[-2] == f"edge1: kubectl delete {POLICIES}"
+    assert asked_of.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import _k3s_plan
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.servers import SharedToken
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
@@ -22,7 +24,7 @@ BARE: dict[str, Any] = {
     "stale": False, "ready": False, "data": False, "lapsed": False, "etcd": False, "encrypts": False,
     "cgroup_refused": False,
     "tokens": {"server": "absent", "agent": "absent"}, "server_url": "", "answering": [],
-    "change": {"unproven": False, "version": ""}, "kubeconfig_sha256": "",
+    "change": {"unproven": False, "version": "", "renewed": False}, "kubeconfig_sha256": "",
 }  # fmt: skip
 
 
@@ -30,13 +32,14 @@ BARE: dict[str, Any] = {
 def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The plan for a host of which the module says `now`; what the module was asked is in `asked`."""
 
-    def plan(host: str, now: dict[str, Any], **variables: Any) -> dict[str, Any]:
+    def plan(host: str, now: dict[str, Any], rotate: str = "", **variables: Any) -> dict[str, Any]:
         def job(_self: Any, name: str, args: dict[str, Any], secrets: Any = None) -> dict[str, Any]:
             if name == "k3s_ready":
                 plan.waited.append(args["timeout"])  # type: ignore[attr-defined]
                 seen = {"observed": "/readyz: etcd failed", "elapsed": 300.2, "verdict": plan.ends}  # type: ignore[attr-defined]
                 return {**seen, "failed": plan.ends != "pass"}  # type: ignore[attr-defined]
-            assert (name, secrets) == ("k3s_facts", {"token": "", "agent_token": ""})
+            assert name == "k3s_facts"
+            assert secrets in ({"token": "", "agent_token": ""}, {"token": "of mine", "agent_token": ""})
             plan.asked = args  # type: ignore[attr-defined]
             return {"files": dict.fromkeys([*args["files"], *args["beside"], BINARY], GONE), **BARE, **now}
 
@@ -53,9 +56,9 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
             "k3s_role": "agent" if host == "robot1" else "server", "k3s_server_hosts": ["edge1", "edge2", "edge3"],
             "k3s_kubeconfig_path": "", **variables,
         }  # fmt: skip
-        return run(_k3s_plan, {}, given)
+        return run(_k3s_plan, {"rotate": rotate}, given, plan.check_mode)  # type: ignore[attr-defined]
 
-    plan.waited, plan.ends = [], "pass"  # type: ignore[attr-defined]
+    plan.waited, plan.ends, plan.check_mode = [], "pass", False  # type: ignore[attr-defined]
     plan.servers_asked, plan.servers = [], {"edge1": {"stdout": "yes"}}  # type: ignore[attr-defined]
     return plan
 
@@ -109,7 +112,7 @@ def test_the_configuration_goes_by_the_datastore_that_the_host_has(
 ) -> None:
     seen = []
     monkeypatch.setattr(_k3s_plan, "plan", lambda _now, part, *_more: seen.append(part) or {
-        "tokens": [], "guarded": False, "unsure": False, "any": False,
+        "tokens": [], "guarded": False, "unsure": False, "any": False, "rotate": "",
     })  # fmt: skip
     found = planned("edge1", {"etcd": etcd}, k3s_server_hosts=["edge1"])
     assert ("cluster-init: true" in seen[0].files[0].content) is init
@@ -219,7 +222,7 @@ def test_one_that_keeps_ending_is_mended_and_that_is_said(planned: Any, capsys: 
 
 
 def test_what_nobody_has_proven_is_waited_for_and_never_refused(planned: Any) -> None:
-    unproven = {**UP, "change": {"unproven": True, "version": "v1.34.1+k3s1"}}
+    unproven = {**UP, "change": {"unproven": True, "version": "v1.34.1+k3s1", "renewed": False}}
     assert planned("edge1", unproven)["works"]
     planned.ends = "wait"
     found = planned("edge1", unproven)
@@ -230,3 +233,99 @@ def test_one_that_is_down_is_not_waited_for_and_that_is_said(planned: Any, capsy
     found = planned("edge1", {**UP, "service": {**UP["service"], "active": "failed"}})
     assert (found["any"], found["guarded"], planned.waited) == (True, False, [])
     assert "whatever works here cannot be asked" in capsys.readouterr().out
+
+
+# --- certificates and the servers' token are made anew ----------------------------------------------------------------
+
+SERVES: dict[str, Any] = {**UP, "ready": True, "version": "v1.34.2+k3s1"}
+
+
+def cut_off(**change: bool) -> dict[str, Any]:
+    return {**SERVES, "change": {"unproven": True, "version": "v1.34.2+k3s1", "renewed": False, **change}}
+
+
+@pytest.mark.parametrize(("host", "tokens"), [("edge1", []), ("edge2", []), ("robot1", ["agent-token"])])
+def test_certificates_are_made_anew_each_time(planned: Any, host: str, tokens: list[str]) -> None:
+    """An agent's token has ended long ago, and without its certificate it would not be let in."""
+    found = planned(host, SERVES, rotate="certificates")
+    assert (found["rotate"], found["guarded"], found["restart"]) == ("certificates", True, True)
+    assert (found["tokens"], found["undone"]) == (tokens, planned(host, SERVES)["undone"])
+    assert not planned.servers_asked
+
+
+@pytest.mark.parametrize("host", ["edge1", "robot1"])
+def test_certificates_that_were_made_and_not_proven_are_not_made_again(planned: Any, host: str) -> None:
+    found = planned(host, cut_off(renewed=True), rotate="certificates", k3s_version="v1.34.2+k3s1")
+    assert (found["rotate"], found["guarded"], found["tokens"]) == ("", True, [])
+    stopped = {**cut_off(renewed=True), "ready": False, "service": {**UP["service"], "active": "inactive"}}
+    found = planned(host, stopped, rotate="certificates")
+    assert (found["rotate"], found["restart"]) == ("certificates", True)  # the host knows that they are new
+    assert planned(host, cut_off(), rotate="certificates")["rotate"] == "certificates"
+
+
+@pytest.mark.parametrize("now", [{}, {**SERVES, "ready": False, "service": {**UP["service"], "active": "failed"}}])
+def test_where_no_k3s_serves_nothing_is_rotated(planned: Any, now: dict[str, Any]) -> None:
+    found = planned("edge1", now, rotate="certificates")
+    assert found["failed"]
+    assert "edge1 was left as it is. No k3s serves here whose certificates could be rotated" in found["msg"]
+
+
+def test_another_word_is_refused(planned: Any) -> None:
+    with pytest.raises(AnsibleActionFail, match="value of rotate must be one of: , certificates, token, got: all"):
+        planned("edge1", SERVES, rotate="all")
+
+
+@pytest.fixture
+def shared(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the servers say of their token."""
+    said: dict[str, Any] = {"newest": "a", "kept": dict.fromkeys(HOSTVARS, "a"), "agreed": True}
+    monkeypatch.setattr(_k3s_plan, "shared_token", lambda *_given: SharedToken(**said))
+    return said
+
+
+ROTATE: dict[str, Any] = {"rotate": "token", "ansible_play_hosts_all": ["edge1", "edge2", "edge3", "robot1"]}
+DIFFERS = {**SERVES, "tokens": {"server": "differs", "agent": "same"}}
+
+
+@pytest.mark.usefixtures("shared")
+def test_the_first_server_has_a_new_token_made(planned: Any) -> None:
+    found = planned("edge1", SERVES, **ROTATE)
+    assert (found["rotate"], found["guarded"], found["tokens"]) == ("token", True, [])
+    assert (planned("edge2", SERVES, **ROTATE)["rotate"], planned("robot1", SERVES, **ROTATE)["rotate"]) == ("", "")
+    planned.check_mode = True  # in which the first one does nothing that the others could see
+    assert planned("edge2", SERVES, **ROTATE)["rotate"] == "token"
+
+
+@pytest.mark.usefixtures("shared")
+@pytest.mark.parametrize(("more", "words"), [
+    ({"k3s_token": "of mine"}, "k3s itself makes the new token. Take k3s_token out of the inventory"),
+    ({"ansible_play_hosts_all": ["edge1", "edge3"]}, "in one run. edge2 is not in it"),
+])  # fmt: skip
+def test_a_token_is_not_begun_where_it_cannot_be_ended(planned: Any, more: dict[str, Any], words: str) -> None:
+    found = planned("edge1", SERVES, **ROTATE | more)
+    assert found["failed"]
+    assert words in found["msg"]
+
+
+def test_a_token_whose_rotation_was_cut_off_is_no_third_one(planned: Any, shared: dict[str, Any]) -> None:
+    """Server 1 is done; 2 has it and has not started with it; 3 was away."""
+    shared.update(newest="b", agreed=False, kept={"edge1": "b", "edge2": "b", "edge3": "a"})
+    done = planned("edge1", SERVES, **ROTATE)
+    assert (done["rotate"], done["tokens"], done["restart"]) == ("", [], planned("edge1", SERVES)["restart"])
+    has = planned("edge2", {**DIFFERS, "stale": True}, **ROTATE)
+    assert (has["rotate"], has["tokens"], has["guarded"]) == ("", [], True)
+    away = planned("edge3", SERVES, **ROTATE)
+    assert (away["tokens"], away["join"], away["givers"], away["undone"]) == (["token"], ["token"], ["edge1"], True)
+
+
+def test_the_first_server_takes_what_its_k3s_has_made(planned: Any, shared: dict[str, Any]) -> None:
+    shared.update(newest="b", agreed=False)
+    found = planned("edge1", DIFFERS, **ROTATE)
+    assert (found["rotate"], found["tokens"], found["givers"]) == ("", ["token"], ["edge1"])
+    # only who asks for a rotation
+    assert "rosops.fleet.rotate with rotate=token goes on with it" in planned("edge1", DIFFERS)["msg"]
+
+
+@pytest.mark.usefixtures("shared")
+def test_a_start_with_a_new_token_that_nobody_has_proven_is_proven(planned: Any) -> None:
+    assert planned("edge1", cut_off(), **ROTATE)["rotate"] == ""

@@ -15,7 +15,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import K3sH
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import Change, K3sChange
 from ansible_collections.rosops.fleet.plugins.modules import _host
 
-NEXT: dict[str, Any] = {"role": "agent", "state": "next", "write": ["/usr/local/bin/k3s"], "remove": []}
+NEXT: dict[str, Any] = {
+    "role": "agent", "state": "next", "write": ["/usr/local/bin/k3s"], "remove": [], "renew": False,
+}  # fmt: skip
 
 
 @pytest.fixture(name="done")
@@ -37,7 +39,7 @@ def _done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def test_k3s_is_exchanged_but_in_check_mode(done: list[Any], check: bool) -> None:
     found = _host.k3s_change(SimpleNamespace(check_mode=check, run_command=None), NEXT)
     assert (found["changed"], found["staged"], found["start"]) == (True, "v2", "abc")
-    assert (done, found["unproven"]) == (([], False) if check else ([(["/usr/local/bin/k3s"], [])], True))
+    assert (done, found["unproven"]) == (([], False) if check else ([(["/usr/local/bin/k3s"], [], False)], True))
 
 
 def test_what_is_staged_is_no_change(done: list[Any]) -> None:

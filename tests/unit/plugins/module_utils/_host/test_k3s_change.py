@@ -55,6 +55,9 @@ class Machine:
             return 0, f"{len(self.asked) if again else 'first'}\n", ""
         self.asked.append([Path(command[0]).name, *command[1:]])
         failed = bool(self.fails) and self.fails in " ".join(command)
+        if command[1:] == ["certificate", "rotate"] and not failed:
+            for path in [*self.root.glob(f"{KUBELET[1:]}.*[ty]"), *self.root.glob(f"{ADMIN[1:]}.*[ty]")]:
+                path.unlink()
         if command[1:3] == ["etcd-snapshot", "save"] and not failed:
             self.save(dict(zip(command[3::2], command[4::2], strict=True)))
         return int(failed), "", "boom" if failed else ""
@@ -307,3 +310,87 @@ def test_power_lost_at_any_moment_leaves_whole_files_and_the_way_back(
             if machine.change.record().unproven:
                 machine.change.back()
             assert machine.there() == OLD, at
+
+
+# --- certificates -----------------------------------------------------------------------------------------------------
+
+KUBELET, ADMIN = "/var/lib/rancher/k3s/agent/client-kubelet", "/var/lib/rancher/k3s/server/tls/client-admin"
+FIRST, SECOND = "Fw0yNjAzMDEwODAwMDBaFw0yNzAzMDEwODAwMDBa", "Fw0yNjExMjYwODAwMDBaFw0yNzExMjYwODAwMDBa"
+
+
+def issued(validity: str) -> dict[str, str]:
+    """What k3s writes for a start that finds none."""
+    pem = f"-----BEGIN CERTIFICATE-----\n{validity}\n-----END CERTIFICATE-----\n"
+    return {f"{name}.{kind}": pem for name in (KUBELET, ADMIN) for kind in ("crt", "key")}
+
+
+@pytest.fixture
+def certified(tmp_path: Path) -> Machine:
+    return Machine(tmp_path, "agent", **issued(FIRST))
+
+
+def kept_keys(machine: Machine) -> list[Path]:
+    return [path for path in machine.root.rglob("*.previous") if "/var/lib/rancher" in str(path)]
+
+
+def test_certificates_are_made_anew_while_k3s_stands_still(certified: Machine) -> None:
+    certified.change.switch([], [], renew=True)
+    assert certified.asked == [
+        ["systemctl", "stop", "k3s-agent"],
+        ["k3s", "certificate", "rotate"],
+        ["systemctl", "daemon-reload"],
+        ["systemctl", "restart", "--no-block", "k3s-agent"],
+    ]
+    assert certified.change.renewed()
+    certified.put(issued(SECOND))
+    ends = ["2027-03-01T08:00:00", "2027-11-26T08:00:00"]
+    assert certified.change.ends()["agent/client-kubelet.crt"] == ends
+    assert certified.change.ends()["server/tls/client-admin.crt"] == ends
+    assert len(kept_keys(certified)) == 4
+    certified.change.prove()
+    assert not kept_keys(certified)
+    assert not certified.change.renewed()
+    assert certified.change.ends()["agent/client-kubelet.crt"] == [ends[1], ends[1]]
+
+
+def test_those_of_before_come_back(certified: Machine) -> None:
+    certified.change.switch([], [], renew=True)
+    certified.put(issued(SECOND))
+    certified.change.back()
+    assert (certified.root / f"{KUBELET[1:]}.key").read_text() == issued(FIRST)[f"{KUBELET}.key"]
+    assert not certified.change.renewed()
+    certified.change.prove()
+    assert not kept_keys(certified)
+
+
+def test_where_k3s_makes_none_anew_those_of_before_come_back(certified: Machine) -> None:
+    certified.fails = "certificate rotate"
+    with pytest.raises(FleetError, match=r"certificate rotate: boom"):
+        certified.change.switch([], [], renew=True)
+    assert not certified.change.renewed()
+    certified.change.back()
+    assert certified.asked[-1] == ["systemctl", "restart", "--no-block", "k3s-agent"]
+
+
+@pytest.mark.parametrize("started", [False, True])
+def test_what_was_cut_off_is_gone_on_with_and_not_begun_anew(certified: Machine, started: bool) -> None:
+    certified.change.switch([], [], renew=True)
+    if started:
+        certified.put(issued(SECOND))
+    certified.asked = []
+    certified.change.switch([], [], renew=True)
+    assert [words for words in certified.asked if "certificate" in words or "stop" in words] == []
+    assert certified.asked[-1] == ["systemctl", "restart", "--no-block", "k3s-agent"]
+    certified.put(issued(SECOND))
+    assert certified.change.ends()["agent/client-kubelet.crt"][0] == "2027-03-01T08:00:00"
+
+
+def test_another_unproven_change_is_no_rotation(certified: Machine) -> None:
+    certified.stage({CONFIG: "a: 2"})
+    certified.change.switch([CONFIG], [])
+    assert not certified.change.renewed()
+    certified.change.switch([], [], renew=True)
+    assert ["k3s", "certificate", "rotate"] in certified.asked
+    certified.change.back()
+    assert certified.there() == OLD
+    assert (certified.root / f"{KUBELET[1:]}.key").exists()

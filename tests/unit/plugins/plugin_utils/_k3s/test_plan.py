@@ -87,6 +87,12 @@ def test_a_file_that_k3s_does_not_read_is_written_and_nothing_is_started_again()
         ({"stale": True, "service__active": "inactive"}, {}, {"guarded": False}),
         ({"change__unproven": True}, {}, {"guarded": True, "restart": False, "wait": True, "any": True}),
         ({"change__unproven": True, "ready": False}, {}, {"guarded": True, "works": False, "any": True}),
+        # what was cut off has left it stopped
+        ({"change__unproven": True, "service__active": "inactive"}, {}, {"guarded": True, "restart": True}),
+        # asked for once, and done after that
+        ({}, {"rotate": "certificates"}, {"rotate": "certificates", "guarded": True, "restart": True, "undone": False}),
+        ({"stale": True}, {"rotate": "token"}, {"any": True, "undone": True}),
+        ({"tokens__server": "behind"}, {}, {"tokens": ["token"], "guarded": True, "undone": True}),
         ({"service__active": "activating", "stale": True, "ready": False}, {}, {"start": True, "state": "restarted"}),
         ({"service__active": "activating", "ready": False}, {}, {"start": False, "wait": True, "kubeconfig": False}),
         ({"service__enabled": False}, {}, {"start": True, "state": "started"}),
@@ -153,14 +159,23 @@ def test_archives_of_other_versions_are_old() -> None:
 SOUND: dict[str, Any] = {**NOW, "machine": "x86_64", "other_service": False, "cgroup_refused": False}
 VARIABLES: dict[str, Any] = {
     "k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"], "k3s_install_source": "release",
-    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "",
+    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "", "k3s_token": "",
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("now", "variables", "words"),
     [
-        ({"tokens": {"server": "differs", "agent": "same"}}, {}, "k3s_token is not the token that the cluster edge"),
+        (
+            {"tokens": {"server": "differs", "agent": "same"}},
+            {"k3s_token": "another"},
+            "k3s_token is not the token that the cluster edge",
+        ),
+        (
+            {"tokens": {"server": "differs", "agent": "same"}},
+            {},
+            "The token in /etc/rancher/k3s/token is not the one that the cluster edge runs with. Where its rotation",
+        ),
         ({"tokens": {"server": "lost", "agent": "same"}}, {}, "not that cluster's tokens in /etc/rancher/k3s"),
         ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
         ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
