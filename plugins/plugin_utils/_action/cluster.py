@@ -152,12 +152,8 @@ class ClusterAction(FleetAction):
 
 
 def written(done: Sequence[Applied]) -> dict[str, Any]:
-    """The result of a task that wrote objects: `changed`, `diff`, and in `results` what became of each."""
-    return {
-        "changed": any(one.changed for one in done),
-        "diff": diff_of(done),
-        "results": [{**one.ref.as_dict(), "changed": one.changed} for one in done],
-    }
+    """The result of a task that wrote objects."""
+    return {"changed": any(one.changed for one in done), "diff": diff_of(done)}
 
 
 def foreseen(objects: Sequence[dict[str, Any]]) -> dict[str, Any]:
