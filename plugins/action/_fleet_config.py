@@ -6,7 +6,6 @@ from __future__ import annotations
 from ansible.utils.vars import load_extra_vars
 
 from ..module_utils._common.documents import Arguments, Result, Variables
-from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._images.archive import archived_instead, unusable
 from ..plugin_utils._model.host_variables import HostVariables
@@ -21,25 +20,17 @@ class ActionModule(FleetAction):
 
     def work(self, _params: Arguments, known: Variables) -> Result:
         groups = {str(name): [str(host) for host in hosts] for name, hosts in known["groups"].items()}
-        try:
-            found = check_fleet(groups, HostVariables(known["hostvars"]), load_extra_vars(self._loader))
-            wrong = [*archive_problems(found.hosts, unusable)]
-            fleet = None if wrong else found.fleet
-            seen = image_warnings(fleet, found.hosts, archived_instead) if fleet else ()
-        except FleetError as error:
-            error.details.setdefault("valid", False)
-            raise
+        found = check_fleet(groups, HostVariables(known["hostvars"]), load_extra_vars(self._loader))
+        wrong = [*archive_problems(found.hosts, unusable)]
+        fleet = None if wrong else found.fleet
+        seen = image_warnings(fleet, found.hosts, archived_instead) if fleet else ()
         return outcome(Report([*found.problems, *wrong], [*found.warnings, *seen], fleet, found.hosts))
 
 
 def outcome(report: Report) -> Result:
     """What the task returns."""
-    problems = folded(report.problems, report.hosts)
-    count = len(problems)
     result: Result = {
         "changed": False,
-        "valid": not count,
-        "errors": [problem.as_dict() for problem in problems],
         "warnings": [warning.line() for warning in folded(report.warnings, report.hosts)],
         "_ansible_verbose_override": True,  # with -v, too: a whole fleet is nothing that anybody reads on a screen
     }
@@ -47,6 +38,6 @@ def outcome(report: Report) -> Result:
         remote = {image for robot in report.fleet.robots.values() for image in images(robot, "remote")}
         shared = any(needs_fleet_namespace(robot) for robot in report.fleet.robots.values())
         return {**result, **report.fleet.as_dict(), "remote_images": sorted(remote), "shared": shared}
-    lines = "\n".join(problem.line() for problem in problems)
-    words = f"{count} error{'s' if count > 1 else ''} in the fleet's variables:"
-    return {**result, "failed": True, "msg": f"{words}\n{lines}"}
+    lines = [problem.line() for problem in folded(report.problems, report.hosts)]
+    words = f"{len(lines)} error{'s' if len(lines) > 1 else ''} in the fleet's variables:"
+    return {**result, "failed": True, "msg": "\n".join([words, *lines])}

@@ -33,14 +33,12 @@ from ..plugin_utils._report.held import cluster_rows, outdated_rows
 
 
 class ActionModule(ClusterAction):
+    ACCESS: ClassVar = {}  # none is that of all clusters
     ARGUMENTS: ClassVar = {
         "volumes": {"type": "str", "default": ""},
         "images": {"type": "str", "default": ""},
         "access_only": {"type": "bool", "default": False},
     }
-
-    def options(self) -> Result:
-        return dict(self.ARGUMENTS)  # no access is that of all clusters
 
     def work(self, params: Arguments, known: Variables) -> Result:
         fleet, hostvars = Fleet.from_vars(known), HostVariables(known["hostvars"])

@@ -8,7 +8,7 @@ the robot has what `ros_graph_info` returned.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 from ansible.utils.display import Display
@@ -44,7 +44,7 @@ class ActionModule(FleetAction):
         own = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
         results = {**own, **params["fleet"]["read"]}
         graphs, wrong = readings(results, look.graphs)
-        status = status_of(look.status, graphs, [*wrong, *graph_problems(results, look.graphs)])
+        status = status_of(look.status, graphs, wrong)
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         tables = status_text(status) if display.verbosity else f"{TABLES}\n"
         text = f"{summary_text(status, now, look.name)}\n{tables}"
@@ -65,21 +65,18 @@ class ActionModule(FleetAction):
 
 
 def readings(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> tuple[dict[str, Reading], list[Trouble]]:
-    """The graphs by robot. One that makes no sense is a problem, and keeps nobody from the others."""
+    """The graphs by robot. One that could not be read, or makes no sense, is a problem, and keeps nobody from the
+    others. A robot that went away meanwhile shows as such."""
     found: dict[str, Reading] = {}
     wrong: list[Trouble] = []
     for host, one in results.items():
-        asked = graphs[host]
-        try:
-            found |= {asked.robot: Reading.from_dict(one["graph"], asked.promised)} if "graph" in one else {}
-        except SPOILT as error:
-            wrong.append(Trouble(f"ROS graph of {host}", f"it makes no sense: {error}", graph=asked.robot))
+        asked, where = graphs[host], f"ROS graph of {host}"
+        if "graph" in one:
+            try:
+                found[asked.robot] = Reading.from_dict(one["graph"], asked.promised)
+            except SPOILT as error:
+                wrong.append(Trouble(where, f"it makes no sense: {error}", graph=asked.robot))
+        elif not one.get("unreachable"):
+            logs = logs_of(asked.robot, names.MASTER_NAME)
+            wrong.append(Trouble(where, message_of(one), logs, graph=asked.robot))
     return found, wrong
-
-
-def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> Iterator[Trouble]:
-    """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
-    for host, one in results.items():
-        if "graph" not in one and not one.get("unreachable"):
-            whose = graphs[host].robot
-            yield Trouble(f"ROS graph of {host}", message_of(one), logs_of(whose, names.MASTER_NAME), graph=whose)

@@ -34,13 +34,11 @@ LEFT = RobotOutcome(FAILED, "it left the run; the callback fleet_report, which k
 class ActionModule(ClusterAction):
     """`begin`: no play has run yet, so this stands where the run ends early. `keep`: in the clusters, too."""
 
+    ACCESS: ClassVar = {}  # none is that of all clusters
     ARGUMENTS: ClassVar = {
         "begin": {"type": "bool", "default": False},
         "keep": {"type": "bool", "default": True},
     }
-
-    def options(self) -> Result:
-        return dict(self.ARGUMENTS)
 
     def work(self, params: Arguments, known: Variables) -> Result:
         fleet = Fleet.from_vars(known)

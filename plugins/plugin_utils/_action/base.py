@@ -17,19 +17,16 @@ from .variables import plain, role_variables
 class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types
     """An action whose options are ARGUMENTS. `work` does it; what it raises of ours is the task's failure."""
 
+    ACCESS: ClassVar[Mapping[str, Any]] = {}  # options of a kind of action
     ARGUMENTS: ClassVar[dict[str, Any]] = {}
 
     def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
         result: dict[str, Any] = super().run(tmp, task_vars)
-        params = plain(self.validate_argument_spec(argument_spec=self.options())[1])
+        params = plain(self.validate_argument_spec(argument_spec={**self.ACCESS, **self.ARGUMENTS})[1])
         try:
             return {**result, **self.perform(params, task_vars or {})}
         except FleetError as error:
             return {**result, "failed": True, "msg": str(error), **error.details}
-
-    def options(self) -> dict[str, Any]:
-        """What the task may say."""
-        return self.ARGUMENTS
 
     def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         """`work`, with what a kind of action has around it."""

@@ -48,13 +48,11 @@ class ClusterAction(FleetAction):
     """
 
     _requires_connection = False
+    ACCESS: ClassVar = ACCESS_ARGS
     # Users call it by itself, too, without a fleet: then the options count as kubernetes.core's do, and nothing says
     # which cluster is the right one.
     of_users: ClassVar[bool] = False
     adoption: Identity | None = None  # what the cluster is and does not say yet
-
-    def options(self) -> dict[str, Any]:
-        return {**ACCESS_ARGS, **self.ARGUMENTS}
 
     def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         self._apis: dict[str, dict[str, str]] = {}
@@ -154,12 +152,8 @@ class ClusterAction(FleetAction):
 
 
 def written(done: Sequence[Applied]) -> dict[str, Any]:
-    """The result of a task that wrote objects: `changed`, `diff`, and in `results` what became of each."""
-    return {
-        "changed": any(one.changed for one in done),
-        "diff": diff_of(done),
-        "results": [{**one.ref.as_dict(), "changed": one.changed} for one in done],
-    }
+    """The result of a task that wrote objects."""
+    return {"changed": any(one.changed for one in done), "diff": diff_of(done)}
 
 
 def foreseen(objects: Sequence[dict[str, Any]]) -> dict[str, Any]:

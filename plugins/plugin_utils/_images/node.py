@@ -102,7 +102,7 @@ class NodeImages:
         """
         archives, names = [*archives], [*names]
         if not archives and not names:
-            return {"changed": False, "imported": [], "pulled": [], "present": {}}
+            return {"changed": False, "present": {}}
         there = self.present(without_k3s=check)
         archives = [{**one, "path": local_path(one["path"])} for one in archives]
         wanted, lacking, pull = images_plan(archives, names, there)
@@ -127,8 +127,6 @@ class NodeImages:
         ]
         return {
             "changed": bool(lacking or pull or changes),
-            "imported": list(lacking),
-            "pulled": pull,
             "present": dict(after.images),
             "diff": {"before": _lines(wanted, there), "after": _lines(wanted, after)},
             **({"failed": True, "msg": "; ".join(problems)} if problems else {}),

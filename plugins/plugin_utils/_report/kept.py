@@ -101,14 +101,11 @@ def _step(robot: str, events: Sequence[Event], name: object) -> Step:
     )
     told, phases = own[0], {key: float(seconds) for key, seconds in (own[0].get("phases") or {}).items()}
     title, handoff, outcome, reason = (str(told.get(key) or "") for key in ("step", "handoff", "outcome", "reason"))
-    note = f"begun {_utc(_started(begun[-1]))}" if begun else reason
+    if begun:
+        reason = time.strftime("begun %Y-%m-%dT%H:%M:%SZ", time.gmtime(_started(begun[-1])))
     seconds, wait = round(sum(phases.values()), 3), phases.get("wait", 0.0)
-    return Step(robot, title, str(name or ""), handoff, outcome, before, after, seconds, wait, phases, note)
+    return Step(robot, title, handoff, outcome, before, after, seconds, wait, reason)
 
 
 def _started(event: Event) -> float:
     return float(event["started"])
-
-
-def _utc(seconds: float) -> str:
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds))

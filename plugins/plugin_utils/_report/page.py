@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -29,8 +29,6 @@ NUMBERS = frozenset({
     "used", "changed", "seconds", "waited for idle", "topics", "messages/s",
 })  # fmt: skip
 NAMES = frozenset({"app", "helper", "node", "topic", "claim", "step"})
-# What a terminal has no room for.
-MORE_COLUMNS: Mapping[str, Columns] = {"steps": columns(("phases, s", "phases"), "id")}
 _MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
 # control characters, halves of surrogate pairs, and the two that are no characters at all
 _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
@@ -93,7 +91,7 @@ def host_columns(status: Status) -> Columns:
 
 def _section(key: str, title: str, given: Columns, rows: Sequence[Row], levels: Sequence[str]) -> Data:
     """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
-    headers, lines = grid([*given, *MORE_COLUMNS.get(key, ())], rows)
+    headers, lines = grid(given, rows)
     # the first column names a row, but for the robot, where many rows share that
     naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0
     about = {"key": key, "title": title, "headers": headers, "naming": naming}

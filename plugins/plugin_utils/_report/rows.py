@@ -299,14 +299,12 @@ class LastRun(Row):
 class Step(OfRobot):
     """A step of a robot's last update; `before` and `after` are the versions of its apps."""
 
-    id: str = ""
     handoff: str = ""
     outcome: str = ""
     before: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
     seconds: float = 0.0
     busy_wait: float = 0.0
-    phases: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
 
     def told(self) -> Told:

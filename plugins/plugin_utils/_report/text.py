@@ -31,11 +31,7 @@ def size_words(count: int | None) -> str:
 
 
 def rate_words(rate: float) -> str:
-    """Three digits: what changes from one look to the next says nothing.
-
-    >>> [rate_words(rate) for rate in (499.83, 10.04, 0.999, 0, 12345.6)]
-    ['500 Hz', '10.0 Hz', '0.999 Hz', '0 Hz', '12346 Hz']
-    """
+    """Three digits, as `10.0 Hz`: what changes from one look to the next says nothing."""
     if rate <= 0:
         return "0 Hz"
     digits = 0 if rate >= 99.95 else 1 if rate >= 9.995 else 2 if rate >= 0.9995 else 3
@@ -201,11 +197,7 @@ def when(time: str) -> str:
 
 
 def since_words(since: str, now: str) -> str:
-    """A time, and how long ago that is.
-
-    >>> since_words("2026-11-21T09:00:00Z", "2026-11-21T09:12:30Z")
-    '2026-11-21 09:00:00 UTC (12 min)'
-    """
+    """A time, and how long ago that is: `2026-11-21 09:00:00 UTC (12 min)`."""
     try:
         seconds = (datetime.fromisoformat(now) - datetime.fromisoformat(since)).total_seconds()
     except (ValueError, TypeError):

@@ -7,7 +7,7 @@ import itertools
 import re
 from collections.abc import Iterable
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from .._model.finding import Problem
 from .._model.fleet import Fleet
@@ -71,10 +71,6 @@ class Folded(NamedTuple):
     problem: Problem
     hosts: tuple[str, ...]
     app: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Shape of an item of the validation's `errors`."""
-        return {**self.problem._asdict(), "hosts": list(self.hosts), "app": self.app}
 
     def line(self) -> str:
         """`hosts.robot1.ros_apps[2].placement: is 'cloud'; allowed: local or remote (app lidar; so on robot2, too)`."""

@@ -86,19 +86,9 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
     assert ("1 of 1 up" in counted.partition("ROS nodes")[2]) == ("graph" in result)
 
 
-@pytest.mark.parametrize(
-    "graph",
-    [
-        [],
-        {"nodes": {"/n": {"uri": 7}}},
-        {"topics": {"/t": {"rate": "fast"}}},
-        {"topics": {"/t": {"publishers": [{}]}}},
-        {"actions": {"/a": {"up": True, "servers": ["/n"], "goals": {"1e9": 1}}}},
-        {"launched": [{"node": "/n", "host": "h"}, 7]},
-    ],
-)
-def test_a_graph_that_makes_no_sense_is_a_problem_of_that_robot(said: list[str], graph: Any) -> None:
-    show("", {"graph": graph})
+def test_a_graph_that_makes_no_sense_is_a_problem_of_that_robot(said: list[str]) -> None:
+    """Whatever it is: test_hostile has more."""
+    show("", {"graph": {"topics": {"/t": {"rate": "fast"}}}})
     assert "ROS graph of robot1: it makes no sense" in said[0]
 
 

@@ -55,10 +55,7 @@ def test_another_failure_keeps_its_own_words(monkeypatch: pytest.MonkeyPatch, rc
     assert looked(monkeypatch, {"failed": True, "msg": "boom"}, rc, out)[0]["msg"] == "boom"
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"hostname": 7}, {"machine_id": None}, {"routes": [{"mtu": "9" * 5000}]}, {"routes": [7]}]
-)
-def test_nonsense_ends_at_the_host_that_tells_it(monkeypatch: pytest.MonkeyPatch, wrong: dict[str, Any]) -> None:
-    """Others are measured against its facts."""
-    found, _asked = looked(monkeypatch, {"facts": {**FACTS, **wrong, "clock": {"began": 0.0, "ended": 0.0}}}, 0, "")
+def test_nonsense_ends_at_the_host_that_tells_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Others are measured against its facts. Whatever it is: test_hostile has more."""
+    found, _asked = looked(monkeypatch, {"facts": {**FACTS, "hostname": 7}}, 0, "")
     assert (found["failed"], "tells nonsense of itself" in found["msg"], "facts" in found) == (True, True, False)

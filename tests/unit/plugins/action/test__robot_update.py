@@ -60,23 +60,6 @@ def test_what_stands_under_the_pods(server: Server, api: dict[str, Any]) -> None
     assert not server.find("/apis/apps/v1/namespaces/robot-robot1/deployments/talker")
 
 
-def test_what_is_in_a_secret_is_seen_nowhere(server: Server, api: dict[str, Any]) -> None:
-    result = update(api, "namespace")
-    stored = server.find(f"{NAMESPACE}/secrets/pull")["data"][".dockerconfigjson"]
-    assert stored not in str(result)
-    assert "hunter2" not in str(result)
-
-
-def test_the_diff_of_a_robot_s_objects(server: Server, api: dict[str, Any]) -> None:
-    """In check mode, and before anything of it is there, its Deployments too."""
-    result = update(api, "namespace", "storage", "master", "apps", "ready", check_mode=True)
-    assert outcome(result)["outcome"] == "updated", result
-    shown = {entry["after_header"]: entry["after"] for entry in result["diff"]}
-    assert shown["ResourceQuota robot-robot1/robot"]["spec"] == {"hard": {"pods": "9"}}
-    assert "apps:1.0" in str(shown["Deployment robot-robot1/talker"])
-    assert not server.find(NAMESPACE)
-
-
 def test_claims_go_when_that_is_confirmed(server: Server, api: dict[str, Any]) -> None:
     update(api, "namespace")
     server.put(f"{CLAIMS}/old-pvc", {"metadata": {}})

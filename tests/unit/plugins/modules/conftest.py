@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A module run by its main(): options in, result out."""
+"""A module run by its main(): options in, result out; and the master that it asks."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 from ansible.module_utils.testing import patch_module_args
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
+from ansible_collections.rosops.fleet.tests.unit.plugins.modules.a_master import Master
 
 
 @pytest.fixture(name="main")
@@ -21,3 +23,10 @@ def _main(capsys: pytest.CaptureFixture[str]) -> Callable[..., dict[str, Any]]:
         return result
 
     return run
+
+
+@pytest.fixture
+def master(monkeypatch: pytest.MonkeyPatch) -> Master:
+    made = Master()
+    monkeypatch.setattr(jobs, "Ros1Client", made)
+    return made

@@ -1,68 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Handshake, Rate
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD
+from ansible_collections.rosops.fleet.tests.unit.plugins.modules.a_master import Master
 
-
-class FakeMaster:
-    error = ""
-    launched = Child("arm/lidar-3", "127.0.0.1", True, None, True, False, 5)
-
-    def __init__(self, uri: str, timeout: float) -> None:
-        del uri, timeout
-
-    def state(self, types: bool = False) -> MasterState:
-        assert types
-        if self.error:
-            raise RosError(self.error)
-        return recorded_state()
-
-    def ask(self, state: MasterState, wanted: Questions) -> Graph:
-        answers = recorded_answers()
-        return build(state, {name: answers[name] for name in wanted.nodes})
-
-    def rates(self, graph: Graph, seconds: Mapping[str, float], patient: bool) -> dict[str, Rate]:
-        assert (patient, set(seconds) <= set(graph.topics)) == (True, True)
-        return {
-            name: Rate(5.0, 10, taken, by={key: Rate(2.4, known=2.5) for key in graph.topics[name].publishers})
-            for name, taken in seconds.items()
-        }
-
-    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
-        a = graph.node("/talker_a").key
-        return {name: Handshake(a, "99", name == "/chatter", "string data") for name in topics if name in graph.topics}
-
-
+LIDAR = Child("arm/lidar-3", "127.0.0.1", True, None, True, False, 5)
 Run = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
-    """The module with these options, at a master that fails with `error`."""
-    monkeypatch.setattr(jobs, "Ros1Client", FakeMaster)
+def launched(monkeypatch: pytest.MonkeyPatch) -> list[Child]:
+    """What launch files have started, wherever."""
+    found = [LIDAR]
+    monkeypatch.setattr(jobs, "children", lambda _ros, hosts: [child for child in found if child.host in hosts])
+    return found
 
-    def children(_ros: Any, hosts: set[str]) -> list[Child]:
-        return [child for child in [FakeMaster.launched] if child.host in hosts]
 
-    monkeypatch.setattr(jobs, "children", children)
-
-    def called(error: str = "", **params: Any) -> dict[str, Any]:
-        monkeypatch.setattr(FakeMaster, "error", error)
-        return main(ros_graph_info, **params)
-
-    return called
+@pytest.fixture
+def run(master: Master, launched: list[Child], main: Run) -> Run:
+    """The module with these options."""
+    del master, launched
+    return partial(main, ros_graph_info)
 
 
 def test_the_graph(run: Run) -> None:
@@ -90,7 +58,7 @@ def test_a_part_of_the_graph(run: Run) -> None:
     assert nodes["/worker"] == {**nodes["/worker"], "reachable": False, "error": ""}
 
 
-def test_what_launch_files_started(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_launch_files_started(run: Run, launched: list[Child]) -> None:
     """Where the nodes are that it is about, and with what the graph says of those that left their registration."""
     [found] = run()["graph"]["launched"]
     assert (found["node"], found["crash"]) == ("/arm/lidar", "was started again 4 times")
@@ -98,8 +66,7 @@ def test_what_launch_files_started(run: Run, monkeypatch: pytest.MonkeyPatch) ->
     assert len(run(nodes=["/relay"])["graph"]["launched"]) == 1
     none_registered = {"nodes": ["/not_there_yet"], "launch_hosts": ["127.0.0.1"]}
     assert len(run(**none_registered)["graph"]["launched"]) == 1
-    dead = Child(f"{DEAD[1:]}-1", "127.0.0.1", False, None, False, False, 1)
-    monkeypatch.setattr(FakeMaster, "launched", dead)
+    launched[:] = [Child(f"{DEAD[1:]}-1", "127.0.0.1", False, None, False, False, 1)]
     assert run()["graph"]["launched"][0]["crash"] == "died, as its registration is still there"
 
 
@@ -126,7 +93,7 @@ def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(run: Run) -> N
 
 
 def test_rates_by_counters_subscribe_to_nothing(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FakeMaster, "rates", None)
+    monkeypatch.setattr(Master, "rates", None)
     monkeypatch.setattr(jobs, "counted", lambda _ros, _graph, topics, seconds: {
         "/chatter": Rate(100.0, int(100 * seconds), seconds),
         "/rosout": Rate(0.5, 1, seconds, few=True),

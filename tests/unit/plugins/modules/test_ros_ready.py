@@ -8,61 +8,22 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Rate
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.modules import ros_ready
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers
+from ansible_collections.rosops.fleet.tests.unit.plugins.modules.a_master import Master
 
-
-class FakeMaster:
-    """Each look sees the next graph; the last one stays. An error in place of a graph is a master that is away."""
-
-    graphs: list[Graph | str] = []  # noqa: RUF012 - set by each test
-    made: list[tuple[str, float]] = []  # noqa: RUF012
-
-    def __init__(self, uri: str, timeout: float) -> None:
-        self.uri = uri
-        FakeMaster.made.append((uri, timeout))
-
-    def state(self, types: bool = False) -> MasterState:
-        del types
-        self.now = self.graphs.pop(0) if len(self.graphs) > 1 else self.graphs[0]
-        if isinstance(self.now, str):
-            raise RosError(self.now)
-        return recorded_state()
-
-    def ask(self, state: MasterState, wanted: Questions) -> Graph:
-        del state, wanted
-        assert isinstance(self.now, Graph)
-        return self.now
-
-    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
-        del graph
-        return {name: Rate(100.0, 100, 1.0) for name in seconds}
-
-
-HEALTHY = build(recorded_state(), recorded_answers())
-TALKER_DOWN = build(
-    recorded_state(),
-    {**recorded_answers(), "/talker_a": replace(recorded_answers()["/talker_a"], pid=None, error="off")},
-)
-
-
+HEALTHY = recorded_answers()
+TALKER_DOWN = {**HEALTHY, "/talker_a": replace(HEALTHY["/talker_a"], pid=None, error="off")}
 Run = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
-    """The module with these options, where the master's looks see these graphs."""
+def run(master: Master, main: Run) -> Run:
+    """The module with these options, where the master's looks meet these answers."""
 
-    monkeypatch.setattr(jobs, "Ros1Client", FakeMaster)
-    monkeypatch.setattr(FakeMaster, "made", [])
-
-    def called(graphs: list[Graph | str], **params: Any) -> dict[str, Any]:
-        monkeypatch.setattr(FakeMaster, "graphs", graphs)
+    def called(looks: list[Mapping[str, NodeAnswer] | str], **params: Any) -> dict[str, Any]:
+        master.looks = looks
         result = main(ros_ready, **params)
         assert result.get("changed", False) is False
         return result
@@ -71,15 +32,15 @@ def run(monkeypatch: pytest.MonkeyPatch, main: Run) -> Run:
 
 
 @pytest.mark.parametrize("check_mode", [False, True])
-def test_ready(run: Run, check_mode: bool) -> None:
-    topics = [{"name": "/chatter", "type": "std_msgs/String", "min_rate": 90}]
+def test_ready(run: Run, master: Master, check_mode: bool) -> None:
+    topics = [{"name": "/chatter", "type": "std_msgs/String", "min_rate": 4.5}]
     where = {"master_uri": "http://m:1", "node_timeout": 1.5, "timeout": 0, "_ansible_check_mode": check_mode}
     result = run([HEALTHY], nodes=["talker_a"], topics=topics, absent=["/gone"], **where)
     assert (result["ready"], result["verdict"], result["looks"]) == (True, "pass", 1)
     kinds = ["master http://m:1", "node /talker_a", "topic /chatter", "rate /chatter", "absent /gone"]
     assert [f"{one['kind']} {one['name']}" for one in result["checks"] if one["verdict"] == "pass"] == kinds
     assert set(result["checks"][0]) == {"kind", "name", "verdict", "reason", "observed"}
-    assert FakeMaster.made == [("http://m:1", 1.5)]
+    assert master.asked == [("http://m:1", 1.5)]
 
 
 def test_it_waits_until_the_graph_is_ready(run: Run) -> None:
@@ -126,8 +87,8 @@ def test_too_few_passes_in_a_row_say_so(run: Run) -> None:
         ({"interval": "soon"}, ["interval"]),
     ],
 )
-def test_bad_options(run: Run, params: dict[str, Any], words: list[str]) -> None:
+def test_bad_options(run: Run, master: Master, params: dict[str, Any], words: list[str]) -> None:
     result = run([HEALTHY], **params)
     assert result["failed"]
     assert all(word in result["msg"] for word in words)
-    assert FakeMaster.made == []
+    assert master.asked == []

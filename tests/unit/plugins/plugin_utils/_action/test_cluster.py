@@ -20,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.action import (
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import prefix
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
@@ -176,20 +175,6 @@ def test_no_action_touches_or_reads_a_cluster_that_is_not_the_inventorys(  # noq
     assert (asked(server), server.writes) == ([IDENTITY], [])
 
 
-def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server: Server) -> None:
-    made_by(server, "staging")
-    os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
-    outcome = run(_robot_update, {}, inventory())["outcome"]
-    assert outcome["outcome"] == "failed"
-    assert "nothing was touched: " in outcome["reason"]
-    said = "the cluster edge of the fleet staging; the inventory's is the cluster edge of the fleet production"
-    assert said in outcome["reason"]
-    found = run(_fleet_info, {"volumes": "usage"}, inventory())["status"]
-    assert [one["where"] for one in found["problems"]] == ["cluster edge"]
-    assert "the fleet staging" in found["problems"][0]["what"]
-    assert (found["nodes"], server.writes) == ([], [])
-
-
 def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
     made_by(server, "fleet")
     result = run(_robot_update, {"host": server.url, "api_key": "t"}, inventory(name="", **part("namespace")))
@@ -207,20 +192,6 @@ def test_the_right_one_by_a_given_access(server: Server) -> None:
     assert result["changed"]
     assert result["apis"] == {"edge": {"host": server.url, "source": "K8S_AUTH_HOST of the environment"}}
     assert asked(server)[0] == IDENTITY
-
-
-def test_access_is_fetched_from_the_clusters_own_server_and_the_environment_adds_nothing(
-    server: Server, local_tmp: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made_by(server, "production")
-    os.environ.update(K8S_AUTH_API_KEY="left in a shell", K8S_AUTH_VERIFY_SSL="False")
-    servers = serve(monkeypatch, lambda _host: admin(server))
-    for name in ("namespace", "storage"):
-        result = run(_robot_update, {}, inventory(**part(name)))
-        assert result["apis"] == {"edge": {"host": server.url, "source": "the cluster's own server"}}
-    assert servers == ["edge1"]
-    assert {headers["authorization"] for _path, _query, headers in list(server.requests.queue)} == {"Bearer t"}
-    assert (local_tmp / f"{prefix()}edge.yaml").stat().st_mode & 0o777 == 0o600
 
 
 def test_a_standalone_robot_is_reached_by_its_own_access_whatever_the_environment_says(
@@ -279,14 +250,6 @@ def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.Monk
         assert outcome["outcome"] == "deferred-offline"
         assert "No server of the cluster edge can be reached over SSH" in outcome["reason"]
     assert servers == ["edge1", "edge2", "edge3"] * 2  # not again by the next robot
-
-
-def test_check_mode_foresees_a_cluster_to_come(monkeypatch: pytest.MonkeyPatch) -> None:
-    serve(monkeypatch, lambda _host: NOT_YET)
-    result = run(_robot_update, {}, inventory(**part("namespace")), check_mode=True)
-    assert "there is no cluster yet; would create Namespace robot-robot1" in result["msg"]
-    failed = run(_robot_update, {}, inventory(**part("namespace")))
-    assert "There is no cluster edge yet" in failed["msg"]
 
 
 def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

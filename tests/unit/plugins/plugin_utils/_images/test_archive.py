@@ -150,10 +150,14 @@ OWN, NEXT = tar_of({"app/one": b""}), tar_of({"app/two": b""})
 Make = Callable[[Path, str, Sequence[bytes]], str]
 
 
+def held(place: Path | str) -> dict[str, bytes]:
+    with opened(str(place)) as found:
+        return {name: found.content(member).read() for name, member in found.members.items()}
+
+
 def linked(path: Path, tag: str, layers: Sequence[bytes]) -> str:
     """As `docker save` did before version 25 and podman does: a layer that stands there already is a link."""
-    with tarfile.open(docker_image(path, tag, layers)) as tar:
-        files = {one.name: tar.extractfile(one).read() for one in tar.getmembers()}  # type: ignore[union-attr]
+    files = held(docker_image(path, tag, layers))
     manifest = json.loads(files["manifest.json"])
     kept, manifest[0]["Layers"] = manifest[0]["Layers"], [f"{number}/layer.tar" for number in range(len(layers))]
     archive(path, {**files, "manifest.json": encoded(manifest)})
@@ -171,11 +175,6 @@ def sha(content: bytes) -> str:
 
 def thin(path: str, blobs: set[str], place: Path) -> frozenset[str] | None:
     return thin_archive(path, archive_images(path, "aarch64" if "oci" in path else "x86_64"), blobs, place)
-
-
-def held(place: Path) -> dict[str, bytes]:
-    with tarfile.open(place) as tar:
-        return {member.name: tar.extractfile(member).read() for member in tar.getmembers()}  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("make", [docker_image, oci_image, linked])
@@ -219,8 +218,7 @@ def whole_gzip(path: Path) -> str:
 
 
 def one_layer_gone(path: Path) -> str:
-    with tarfile.open(docker_image(path, "a:1", [BASE, NEXT])) as tar:
-        files = {one.name: tar.extractfile(one).read() for one in tar.getmembers()}  # type: ignore[union-attr]
+    files = held(docker_image(path, "a:1", [BASE, NEXT]))
     del files[f"{digest(BASE)}.tar"]
     return archive(path, files)
 
@@ -244,8 +242,7 @@ def test_images_of_one_archive_share_their_layers(tmp_path: Path) -> None:
     both: list[Any] = []
     files: dict[str, bytes] = {}
     for path in (first, second):
-        with tarfile.open(path) as tar:
-            files.update({one.name: tar.extractfile(one).read() for one in tar.getmembers()})  # type: ignore[union-attr]
+        files |= held(path)
         both += json.loads(files["manifest.json"])
     path = archive(tmp_path / "both.tar", {**files, "manifest.json": encoded(both)})
     assert thin(path, {sha(OWN)}, tmp_path / "thin.tar")

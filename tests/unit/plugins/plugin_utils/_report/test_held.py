@@ -149,15 +149,7 @@ def test_what_ended_lately_and_is_not_ready_is_one_finding() -> None:
 
 
 def test_a_node_is_off_unless_it_says_that_it_is_ready() -> None:
-    said = {
-        **{"on": {"DiskPressure": "False", "Ready": "True"}, "away": {"Ready": "Unknown"}},
-        **{"broken": {"DiskPressure": "True", "Ready": "False"}, "new": {}},
-    }
-    nodes = [
-        {
-            "metadata": {"name": name},
-            "status": {"conditions": [{"type": one, "status": on} for one, on in found.items()]},
-        }
-        for name, found in said.items()
-    ]
-    assert nodes_off(nodes) == ["away", "broken", "new"]
+    on, broken, away, new = node("on"), node("broken", "False"), node("away", "Unknown"), node("new")
+    broken["status"]["conditions"].insert(0, {"type": "DiskPressure", "status": "True"})
+    new["status"]["conditions"] = []
+    assert nodes_off([on, broken, away, new]) == ["broken", "away", "new"]

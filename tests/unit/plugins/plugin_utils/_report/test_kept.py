@@ -86,11 +86,10 @@ def test_the_latest_steps_are_those_of_the_robots_own_record() -> None:
     old = events_map([replace(STEP, id="old", started=1795000000.0)], "robot1", ())  # of the cluster before
     metadata = {"name": "robot-updates", "namespace": "mine"}
     foreign: dict[str, Any] = {"metadata": metadata, "data": {"updates.json": "{}"}}
-    phases = {"wait": 1.0, "apply": 2.5}
     before, after = ("a:1 (11111111)",), ("a:2 (22222222)",) * 2
-    updated = Step("robot1", "talker, listener", "abc", "overlap", "updated", before, after, 3.5, 1.0, phases)
+    updated = Step("robot1", "talker, listener", "overlap", "updated", before, after, 3.5, 1.0)
     begun = "begun 2026-11-22T06:01:40Z"
-    now = Step("robot1", "map", "def", "drain", "running", (), (), 5.0, 5.0, {"wait": 5.0}, begun)
+    now = Step("robot1", "map", "drain", "running", (), (), 5.0, 5.0, begun)
     for maps in ([old, record, foreign], [record, old]):
         assert last_steps(maps) == [updated, now]
     found = cluster_rows([{"ConfigMap": [record]}, {"ConfigMap": [kept_of(RUN)]}], {}, 0.0)

@@ -376,17 +376,9 @@ def test_a_robots_own_cluster_speaks_for_that_robot_alone() -> None:
     assert ([row.name for row in rows.apps], [row.host for row in rows.outcomes]) == (["base"], ["robot1"])
 
 
-@pytest.mark.parametrize(
-    "objects",
-    [
-        {"Pod": [7]},
-        {"Deployment": [{**workload("base"), "spec": {"replicas": "many"}}]},
-        {"Pod": [{**pod("base", "robot1"), "spec": {"containers": 7}}]},
-        {"Deployment": [{**workload("base"), "status": {"readyReplicas": float("inf")}}]},
-    ],
-)
-def test_nonsense_of_a_robots_own_cluster_is_a_problem_of_that_cluster(objects: Any) -> None:
-    found = look.believed(look.Answer(objects), "robot1", 0.0)
+def test_nonsense_of_a_robots_own_cluster_is_a_problem_of_that_cluster() -> None:
+    """Whatever it is: test_hostile has more."""
+    found = look.believed(look.Answer({"Deployment": [{**workload("base"), "status": 7}]}), "robot1", 0.0)
     assert (found.objects, "makes no sense" in found.problem) == ({}, True)
 
 

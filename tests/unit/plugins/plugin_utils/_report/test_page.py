@@ -27,9 +27,7 @@ HOSTILE = "<script>alert(1)</script>\"'><img src=http://example.org/x onerror=al
 STATUS = replace(
     fleet_status(SOURCES),
     outcomes=(LastRun("robot1", "updated", "update.yml", MADE, 3),),
-    steps=(
-        Step("robot1", "sensor", "0123456789ab", "overlap", "updated", ("a:1",), ("a:2",), 8.5, phases={"apply": 7.5}),
-    ),
+    steps=(Step("robot1", "sensor", "overlap", "updated", ("a:1",), ("a:2",), 8.5),),
 )
 DOWN = replace(STATUS.apps[1], ready=0, note="CrashLoopBackOff")
 

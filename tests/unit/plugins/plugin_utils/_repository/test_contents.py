@@ -98,21 +98,6 @@ def test_a_directory_s_name_is_made_a_fleet_s(directory: str, name: str) -> None
     assert fleet_name(directory) == name
 
 
-def test_what_is_missing_is_written_and_what_differs_stays() -> None:
-    assert plan(WANTED, {"c": "2\n", "d": "mine\n"}, force=False) == ([Change("a/b.yml", None, "1\n")], ["d"])
-
-
-def test_force_writes_what_differs_and_nothing_else() -> None:
-    planned = plan(WANTED, {"c": "2\n", "d": "mine\n", "a/b.yml": ""}, force=True)
-    assert planned == ([Change("a/b.yml", "", "1\n"), Change("d", "mine\n", "3\n")], [])
-
-
-def test_what_was_written_is_read(tmp_path: Path) -> None:
-    assert read(tmp_path / "new", WANTED) == {}
-    write(tmp_path / "new", plan(WANTED, {}, force=False)[0])
-    assert read(tmp_path / "new", WANTED) == WANTED
-
-
 def test_a_file_that_is_no_text_differs(tmp_path: Path) -> None:
     (tmp_path / "c").write_bytes(b"\xff")
     assert plan(WANTED, read(tmp_path, WANTED), force=False)[1] == ["c"]
