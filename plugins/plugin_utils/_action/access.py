@@ -118,12 +118,12 @@ class Fetch:
                 text = self.read(server)
                 front = hostvars[server].get("k3s_api_endpoint") if server in hostvars else ""  # of all servers
                 url = url_at(text, str(front or address(server, hostvars)))
+                found = local_kubeconfig(text, url, home.part.cluster)
             except FleetError as error:
                 if server not in problems:
                     self.say(f"the cluster {home.part.cluster} gives no access on its server {server}: {error}")
                 problems[server] = error
                 continue
-            found = local_kubeconfig(text, url, home.part.cluster)
             parts = urlsplit(url)
             if self.accepts(str(parts.hostname), parts.port or 443):
                 return found

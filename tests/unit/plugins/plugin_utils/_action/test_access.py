@@ -119,6 +119,13 @@ def test_a_hiccup_puts_off_nobody_and_is_told(tmp_path: Path) -> None:
     ]
 
 
+def test_a_server_whose_file_has_no_credentials_keeps_nobody_from_the_others(tmp_path: Path) -> None:
+    bare = ADMIN.replace("token: t", "exec: {command: x}")
+    told: list[str] = []
+    assert server_of(Servers(edge1=bare).way(tmp_path, say=told.append)) == "https://[2001:db8::2]:6444"
+    assert "edge1: the server's k3s.yaml has neither " in told[0]
+
+
 def test_any_living_server_will_do_and_one_whose_k3s_is_down_where_there_is_no_other(tmp_path: Path) -> None:
     servers = Servers(edge1=ServersAwayError("no route"))
     servers.serving = {"edge3"}
