@@ -10,7 +10,6 @@ from typing import Any
 import kubernetes_validate
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
@@ -195,15 +194,6 @@ def test_variables_that_refer_to_each_other_end_somewhere() -> None:
 def test_an_apps_own_environment_wins() -> None:
     found = env(deployment(env={"ROS_IP": "192.0.2.9", "RATE": 5, "FAST": False}))
     assert (found["ROS_IP"], found["RATE"], found["FAST"]) == ("192.0.2.9", "5", "false")
-
-
-def test_overrides_may_not_lose_the_app() -> None:
-    with pytest.raises(SpecError, match="remove its container"):
-        deployment(
-            overrides={"spec": {"template": {"spec": {"containers": [{"name": "ros-app", "$patch": "delete"}]}}}}
-        )
-    with pytest.raises(SpecError, match="remove its pod template"):
-        deployment(overrides={"spec": {"template": None}})
 
 
 def test_no_probe_without_hooks_and_a_command() -> None:
