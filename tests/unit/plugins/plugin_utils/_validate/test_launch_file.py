@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import LONGEST, LaunchFile, Node, read
 
@@ -261,9 +259,3 @@ def test_arguments_made_of_arguments_do_not_grow_without_an_end() -> None:
 def test_any_depth_can_be_read() -> None:
     depth = 20_000
     assert nodes(f"{'<group>' * depth}{LIDAR}{'</group>' * depth}") == ["/lidar"]
-
-
-def test_what_is_given_is_not_changed() -> None:
-    args: Mapping[str, str] = {"n": "1"}
-    read("/a.launch", '<launch><arg name="m" default="2"/></launch>', args)
-    assert args == {"n": "1"}
