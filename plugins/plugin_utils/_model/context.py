@@ -108,10 +108,6 @@ class Robot:
         settled = (_settled(app, said, found) for app, said in zip(found.apps, apps))
         return replace(found, apps=tuple(settled))
 
-    def app(self, name: str) -> App:
-        """The app of this name; KeyError where there is none."""
-        return {app.name: app for app in self.apps}[name]
-
 
 def namespace_of(app: App, robot: Robot) -> str:
     """Where an app's objects live."""

@@ -97,10 +97,6 @@ def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(of: Object, se
     assert made["mounts"].get("claims") == (wanted[0] if sees else None)
 
 
-def test_beside_an_external_master_it_keeps_nothing() -> None:
-    assert shown(master=EXTERNAL)["options"]["--keep"] == "off"
-
-
 # --- the master's start -----------------------------------------------------------------------------------------------
 
 
