@@ -79,7 +79,6 @@ def test_what_must_pass(inside: str, launch: dict[str, Any], app: dict[str, Any]
         ('<arg name="spead" default="1"/>', {"args": {"speed": 1}}, "allowed: one of spead"),
         ('<arg name="n"/>', {}, "launch.args: lacks n, for which /srv/a.launch, line 1, has neither a value nor"),
         ('<arg name="n"/>', {"args": {"n": ""}}, "launch.args: lacks n"),  # roslaunch does not take it
-        ("<group>", {}, "launch.file: /srv/a.launch, line 1, is no XML: mismatched tag"),
         (FOREIGN, {}, "lacks the node /crop (pcl/Crop): the launch file does not start its manager /manager"),
         (FOREIGN, {"overlap": ["crop"]}, "allowed: list it in launch.replace, or handoff: replace"),
     ],
