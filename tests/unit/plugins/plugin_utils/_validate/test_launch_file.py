@@ -104,37 +104,27 @@ def test_conditions(condition: str, there: bool, sure: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inside", "devices"),
+    ("args", "inside", "devices"),
     [
-        ('<param name="port" value="/dev/ttyUSB0"/>', ("/dev/ttyUSB0",)),
-        ('<param name="port" value="$(arg port)"/>', ("/dev/ttyACM1",)),
-        ('<param name="port" value=" /dev/ttyUSB0 "/>', ("/dev/ttyUSB0",)),
-        ('<param name="port" value="/dev/$(env PORT)"/>', ()),
-        ('<param name="port" value="/dev/video0" if="false"/>', ()),
-        ('<param name="log" value="/dev/null"/><param name="log" value="/dev/shm/a"/>', ()),
-        ('<param name="path" value="/home/dev/a"/><param name="what" command="cat /dev/video0"/>', ()),
-        ('<remap from="a" to="/dev/video0"/>', ()),
+        ("", '<param name="port" value="/dev/ttyUSB0"/>', ["/dev/ttyUSB0"]),
+        ("", '<param name="port" value="$(arg port)"/>', ["/dev/ttyACM1"]),
+        ("", '<param name="port" value=" /dev/ttyUSB0 "/>', ["/dev/ttyUSB0"]),
+        ("", '<param name="port" value="/dev/$(env PORT)"/>', []),
+        ("", '<param name="port" value="/dev/video0" if="false"/>', []),
+        ("", '<param name="log" value="/dev/null"/><param name="log" value="/dev/shm/a"/>', []),
+        ("", '<param name="path" value="/home/dev/a"/><param name="what" command="cat /dev/video0"/>', []),
+        ("", '<remap from="a" to="/dev/video0"/>', []),
+        ("/dev/ttyACM0", "", ["/dev/ttyACM0"]),
+        ("_port:=/dev/ttyUSB0 _baud:=115200", "", ["/dev/ttyUSB0"]),
+        ("'_port:=/dev/ttyUSB0' it's", "", []),  # no words
+        ("-x > /dev/null", "", []),
+        ("$(arg nothing)", "", []),
     ],
 )
-def test_devices_of_parameters(inside: str, devices: tuple[str, ...]) -> None:
+def test_devices(args: str, inside: str, devices: list[str]) -> None:
     port = '<arg name="port" default="/dev/ttyACM1"/><param name="/port" value="/dev/other"/>'
-    (node,) = file_of(f'{port}<node pkg="p" type="t" name="n">{inside}</node>').nodes
-    assert tuple(node.devices) == devices
-
-
-@pytest.mark.parametrize(
-    ("args", "devices"),
-    [
-        ("/dev/ttyACM0", ("/dev/ttyACM0",)),
-        ("_port:=/dev/ttyUSB0 _baud:=115200", ("/dev/ttyUSB0",)),
-        ("'_port:=/dev/ttyUSB0' it's", ()),  # no words
-        ("-x > /dev/null", ()),
-        ("$(arg port)", ()),
-    ],
-)
-def test_devices_of_arguments(args: str, devices: tuple[str, ...]) -> None:
-    (node,) = file_of(f'<node pkg="p" type="t" name="n" args="{args}"/>').nodes
-    assert tuple(node.devices) == devices
+    (node,) = file_of(f'{port}<node pkg="p" type="t" name="n" args="{args}">{inside}</node>').nodes
+    assert node.devices == devices
 
 
 @pytest.mark.parametrize(
