@@ -26,12 +26,9 @@ def pod(deployment: Object) -> Object:
     return spec
 
 
-def keeper(**of: Any) -> list[Object]:
-    return master.keeper_objects(robot(name="r1", master=of))
-
-
 def test_goal_forwarding_is_switched_off_by_a_word_of_its_command() -> None:
-    on, off = (pod(keeper(goal_forwarding=word)[0])["containers"][0] for word in (True, False))
+    made = (master.keeper_objects(robot(master={"goal_forwarding": word})) for word in (True, False))
+    on, off = (pod(deployment)["containers"][0] for deployment, _service in made)
     assert off == {**on, "command": [*on["command"], "--goal-forwarding", "off"]}
     assert keeper_main.options(off["command"][off["command"].index("keeper") + 1 :])["--goal-forwarding"] == "off"
 

@@ -174,16 +174,11 @@ def test_a_new_version_waits_for_the_end_of_the_node_of_its_name(changes: dict[s
     assert ("--after" in beside["command"]) is waits
 
 
-@pytest.mark.parametrize(
-    "env",
-    [
-        {"LOG": "$(ROOT)/log", "A": "$(LOG)/$(NOBODY)", "ROOT": "/srv", "B": "$(A)"},
-        {"B": "$(A)", "ROOT": "/srv", "A": "$(LOG)/$(NOBODY)", "LOG": "$(ROOT)/log"},
-    ],
-)
-def test_the_order_of_an_apps_environment_is_no_part_of_its_version(env: dict[str, str]) -> None:
-    said = [item["name"] for item in container(deployment(env=env))["env"] if item["name"] in env]
-    assert said == ["ROOT", "LOG", "A", "B"]
+def test_the_order_of_an_apps_environment_is_no_part_of_its_version() -> None:
+    env = {"LOG": "$(ROOT)/log", "A": "$(LOG)/$(NOBODY)", "ROOT": "/srv", "B": "$(A)"}
+    for said in (env, dict(reversed(env.items()))):
+        found = container(deployment(env=said))["env"]
+        assert [item["name"] for item in found if item["name"] in env] == ["ROOT", "LOG", "A", "B"]
 
 
 def test_variables_that_refer_to_each_other_end_somewhere() -> None:
