@@ -135,6 +135,7 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "not ready": (
             rolled(starting, status=OPEN), "wait", "0 of 1 pods available: pod talker-new-1, container ros-app: not r",
         ),
+        "unavailable by number": (rolled(new_pod, status={"unavailableReplicas": 1}), "wait", "1 of 1 pods available"),
         "old pod terminates": (rolled(new_pod, gone_soon(old_pod)), "wait", "talker-old-1 is terminating on"),
         "old pod still there": (rolled(new_pod, old_pod), "wait", "talker-old-1 still runs on robot1"),
         "own pod terminates": (rolled(new_pod, gone_soon(pod("talker-new-0", NEW))), "wait", "terminating"),
