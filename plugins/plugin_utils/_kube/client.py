@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import without_secrets
 from ...module_utils._step.objects import Object, is_in
 from ...module_utils._step.words import MANAGER
@@ -184,14 +183,8 @@ class Kube(ApiConnection):
 
 def ref_of(obj: Object) -> Ref:
     """Which object a full definition is of."""
-    try:
-        metadata = obj["metadata"]
-        space, uid = (str(metadata.get(key) or "") for key in ("namespace", "uid"))
-        return Ref(str(obj["kind"]), str(metadata["name"]), space, str(obj["apiVersion"]), uid)
-    except (KeyError, TypeError, AttributeError) as exc:
-        raise KubeError(
-            f"This is no full definition of a Kubernetes object ({exc} is missing): {str(obj)[:200]}"
-        ) from exc
+    space, uid = (str(obj["metadata"].get(key) or "") for key in ("namespace", "uid"))
+    return Ref(obj["kind"], obj["metadata"]["name"], space, obj["apiVersion"], uid)
 
 
 def _is_as_wanted(there: Object, wanted: Object) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ...module_utils._common.poll import FAIL, WAIT
-from ...module_utils._step.objects import Object, gate_of, is_ready, is_terminating, name_of
+from ...module_utils._step.objects import Object, is_ready, is_terminating, name_of
 from ...module_utils._step.words import HOPELESS, READINESS
 
 # The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
@@ -144,7 +144,7 @@ def trouble(pod: Object) -> Verdict | None:
         if found and found.verdict == FAIL:
             return found
         suspect = suspect or found
-    told = str((gate_of(pod) or {}).get("message") or "")
+    told = str(condition(pod, READINESS).get("message") or "")
     if told.startswith(HOPELESS):
         return Verdict(FAIL, f"{who}: {told}")
     scheduled = condition(pod, "PodScheduled")

@@ -88,6 +88,7 @@ class Robot:
         """The robot of an inventory host from its Ansible variables, as `read` takes them."""
         apps = variables.get("ros_apps") or ()
         master = ("mode", "image", "uri", "placement", "overrides", "goal_forwarding", "keeper_overrides")
+        namespace = ("quota", "limits", "pod_security", "edge_host_access", "admits")
         found = read(
             cls,
             {
@@ -97,11 +98,7 @@ class Robot:
                 "apps": apps,
                 "volumes": (variables.get("persistent_storage") or {}).get("volumes"),
                 "master": {key: variables.get(f"ros_master_{key}") for key in master},
-                "quota": variables.get("robot_namespace_quota"),
-                "limits": variables.get("robot_namespace_limits"),
-                "pod_security": variables.get("robot_namespace_pod_security"),
-                "edge_host_access": variables.get("robot_namespace_edge_host_access"),
-                "admits": variables.get("robot_namespace_admits"),
+                **{key: variables.get(f"robot_namespace_{key}") for key in namespace},
                 "pull_secrets": [secret["name"] for secret in variables.get("robot_namespace_pull_secrets") or ()],
                 "when": variables.get("update_when"),
                 "observability": variables.get("observability"),
@@ -110,10 +107,6 @@ class Robot:
         )
         settled = (_settled(app, said, found) for app, said in zip(found.apps, apps))
         return replace(found, apps=tuple(settled))
-
-    def app(self, name: str) -> App:
-        """The app of this name; KeyError where there is none."""
-        return {app.name: app for app in self.apps}[name]
 
 
 def namespace_of(app: App, robot: Robot) -> str:

@@ -11,7 +11,6 @@ from typing import Any
 from ansible.module_utils.common.yaml import yaml_load
 
 from ...module_utils._common.documents import Arguments
-from ...module_utils._common.errors import SpecError
 
 Option = Arguments  # of a role, or what a mapping of it may hold
 # By the place of the code and not of the play: playbooks of somebody else validate, too.
@@ -20,11 +19,8 @@ ROLES = Path(__file__).resolve().parents[3] / "roles"
 
 @functools.cache
 def role_options(role: str) -> Mapping[str, Option]:
-    """The options of all entry points of a role, by variable; SpecError for a role that there is not."""
-    try:
-        text = (ROLES / role / "meta" / "argument_specs.yml").read_text("utf-8")
-    except OSError as error:
-        raise SpecError(f"the collection is not whole: {error}") from error
+    """The options of all entry points of a role, by variable."""
+    text = (ROLES / role / "meta" / "argument_specs.yml").read_text("utf-8")
     entries = yaml_load(text)["argument_specs"].values()
     return {name: option for entry in entries for name, option in (entry.get("options") or {}).items()}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ...module_utils._common.documents import json_of
@@ -45,7 +45,7 @@ def secrets_in(value: Any) -> Iterator[str]:
         if _SECRET_VARIABLE.search(str(value.get("name"))) and isinstance(value.get("value"), str):
             yield str(value["value"])
         if value.get("kind") == "Secret":
-            yield from (str(text) for part in ("data", "stringData") for text in _values(value.get(part)))
+            yield from (str(text) for part in ("data", "stringData") for text in (value.get(part) or {}).values())
         for key, item in value.items():
             yield from [item] if isinstance(item, str) and _SECRET_KEY.search(str(key)) else []
             yield from secrets_in(item)
@@ -62,10 +62,6 @@ def secrets_in(value: Any) -> Iterator[str]:
                 yield from secrets_in(json_of(value))
             except ValueError:
                 return
-
-
-def _values(held: Any) -> Iterable[Any]:
-    return held.values() if isinstance(held, Mapping) else ()
 
 
 def without(value: Any, words: Mapping[str, str]) -> Any:

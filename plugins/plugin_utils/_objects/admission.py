@@ -232,10 +232,11 @@ def policy(
 
     `asked` is group/resource -> the operations that it judges, `where` and `variables` are name -> CEL.
     """
-    rules = [
-        {"apiGroups": [group], "apiVersions": ["v1"], "operations": [*operations], "resources": [kind]}
-        for (group, _slash, kind), operations in ((one.partition("/"), found) for one, found in asked.items())
-    ]
+    rules = []
+    for one, operations in asked.items():
+        group, _slash, kind = one.partition("/")
+        versions = ["*" if group == "*" else "v1"]
+        rules.append({"apiGroups": [group], "apiVersions": versions, "operations": [*operations], "resources": [kind]})
     named = {"matchConditions": where, "variables": variables}
     spec = {
         "failurePolicy": "Fail",

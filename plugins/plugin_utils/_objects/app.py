@@ -8,7 +8,6 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from ...module_utils._common.errors import SpecError
 from ...module_utils._step import words
 from ...module_utils._step.objects import Object
 from .._model import context, names
@@ -53,7 +52,8 @@ def app_deployment(app: App, robot: Robot) -> Object:
     known in the pod alone (`_ros/names.py`).
     """
     deployment = deep_merge(plain_deployment(app, robot), app.overrides)
-    template, container = _template(deployment, app)
+    template = deployment["spec"]["template"]
+    container = next(one for one in template["spec"]["containers"] if one["name"] == names.APP_CONTAINER)
     harden(container, APPS)
     beside = [one for one in template["spec"].get("initContainers") or [] if one["name"] == names.SIDECAR]
     for one in beside:
@@ -213,16 +213,3 @@ def _naming_args(app: App, robot: Robot, in_pod: str) -> list[str]:
     stable = context.graph_node(app, robot)
     private = [f"~{name}:={stable}/{name}" for name in app.private_names] if overlaps else []
     return [*private, f"__name:={in_pod}"]
-
-
-def _template(deployment: Object, app: App) -> tuple[Object, Object]:
-    """The pod template, and the app's container in it."""
-    try:
-        template: Object = deployment["spec"]["template"]
-        containers, _there = template["spec"]["containers"], (template["metadata"], deployment["metadata"])
-    except (KeyError, TypeError):
-        raise SpecError(f"the overrides of app {app.name} remove its pod template") from None
-    for container in containers:
-        if isinstance(container, dict) and container.get("name") == names.APP_CONTAINER:
-            return template, container
-    raise SpecError(f"the overrides of app {app.name} remove its container {names.APP_CONTAINER}")

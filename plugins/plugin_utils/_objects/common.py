@@ -143,16 +143,6 @@ def field_variable(name: str, path: str) -> Object:
     return {"name": name, "valueFrom": {"fieldRef": {"fieldPath": path}}}
 
 
-def exec_probe(command: Sequence[str], *, period: int, timeout: int, failures: int) -> Object:
-    """A probe that starts a process in the container: dear, so nothing that goes on for ever should be one. Seconds."""
-    return {
-        "exec": {"command": list(command)},
-        "periodSeconds": period,
-        "timeoutSeconds": timeout,
-        "failureThreshold": failures,
-    }
-
-
 def canonical_hash(value: Any) -> str:
     """SHA-256 of the value as JSON with sorted keys and no blanks."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)

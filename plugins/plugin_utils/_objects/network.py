@@ -52,19 +52,19 @@ def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
     admitted = [*robot.admits, *_addresses([urlsplit(robot.master.uri).hostname or ""])]
     fleet = [_namespace(names.FLEET_NAMESPACE)] if shared else []
     at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
-    sources = [SAME, *fleet, *_blocks([*hosts.own, *(_alone(hosts.edge) if at_edge else ()), *admitted])]
-    found = [_policy("robot", robot.namespace, labels, {}, [{"from": sources}])]
+    sources = [SAME, *fleet, *blocks([*hosts.own, *(_alone(hosts.edge) if at_edge else ()), *admitted])]
+    found = [ingress_policy("robot", robot.namespace, labels, {}, [{"from": sources}])]
     if shared:
-        sources = [SAME, _namespaces_of_robots("Exists"), *_blocks(_alone(hosts.every))]
-        found.append(_policy("fleet", names.FLEET_NAMESPACE, owner_labels(None), {}, [{"from": sources}]))
+        sources = [SAME, _namespaces_of_robots("Exists"), *blocks(_alone(hosts.every))]
+        found.append(ingress_policy("fleet", names.FLEET_NAMESPACE, owner_labels(None), {}, [{"from": sources}]))
     if shared and admitted:
-        rules = [{"from": _blocks(admitted)}]
-        found.append(_policy(robot.namespace, names.FLEET_NAMESPACE, labels, {}, rules))
-    sources = [_namespace(names.OBSERVABILITY), *_blocks(_alone(hosts.servers))]
-    door: Object = {"from": sources, "ports": [_tcp(names.KEEPER_PORT)]}
+        rules = [{"from": blocks(admitted)}]
+        found.append(ingress_policy(robot.namespace, names.FLEET_NAMESPACE, labels, {}, rules))
+    sources = [_namespace(names.OBSERVABILITY), *blocks(_alone(hosts.servers))]
+    door: Object = {"from": sources, "ports": [tcp(names.KEEPER_PORT)]}
     labels = object_labels(names.KEEPER_NAME, context.master_owner(robot))
     selector = pod_selector(names.KEEPER_NAME)
-    found.append(_policy(names.KEEPER_NAME, context.master_namespace(robot), labels, selector, [door]))
+    found.append(ingress_policy(names.KEEPER_NAME, context.master_namespace(robot), labels, selector, [door]))
     return [*found, *(one for app in robot.apps for one in _of_app(app, robot))]
 
 
@@ -78,13 +78,13 @@ def _of_app(app: App, robot: Robot) -> Iterator[Object]:
     rules: list[Object] = [
         {"ports": outside},
         {"from": [_namespaces_of_robots("DoesNotExist")], "ports": inside},
-        {"from": [_namespace(names.OBSERVABILITY)], "ports": [_tcp(port) for port in _scraped(app, robot)]},
+        {"from": [_namespace(names.OBSERVABILITY)], "ports": [tcp(port) for port in _scraped(app, robot)]},
     ]
     rules = [rule for rule in rules if rule["ports"]]  # without a port it would be a rule for all ports
     if rules:
         labels = object_labels(app.name, owner_of(app, robot))
         name = f"{app.name}.ports"  # an app's name has no dot, so that no app is called as another policy
-        yield _policy(name, context.namespace_of(app, robot), labels, pod_selector(app.name), rules)
+        yield ingress_policy(name, context.namespace_of(app, robot), labels, pod_selector(app.name), rules)
 
 
 def _scraped(app: App, robot: Robot) -> list[int]:
@@ -129,7 +129,10 @@ def _alone(networks: Iterable[str]) -> list[str]:
 # --- the parts of a policy --------------------------------------------------------------------------------------------
 
 
-def _policy(name: str, namespace: str, labels: dict[str, str], pods: dict[str, str], rules: Sequence[Object]) -> Object:
+def ingress_policy(
+    name: str, namespace: str, labels: dict[str, str], pods: dict[str, str], rules: Sequence[Object]
+) -> Object:
+    """Who reaches those pods of a namespace that have these labels; without labels, all of its pods."""
     selector = {"matchLabels": pods} if pods else {}
     spec = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [*rules]}
     return made(API, KIND, name, namespace, labels, spec=spec)
@@ -143,9 +146,9 @@ def _namespaces_of_robots(operator: str) -> Object:
     return {"namespaceSelector": {"matchExpressions": [{"key": names.LABEL_ROBOT, "operator": operator}]}}
 
 
-def _blocks(networks: Iterable[str]) -> list[Object]:
+def blocks(networks: Iterable[str]) -> list[Object]:
     return [{"ipBlock": {"cidr": one}} for one in dict.fromkeys(networks)]
 
 
-def _tcp(port: int) -> Object:
+def tcp(port: int) -> Object:
     return {"port": port, "protocol": "TCP"}

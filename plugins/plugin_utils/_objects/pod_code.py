@@ -22,7 +22,7 @@ from ...module_utils._step.objects import Object
 from .._model import context, names
 from .._model.app import App, Launch, Readiness
 from .._model.context import Robot
-from .common import FOR_EVER, ONE_HEAP, Files, config_map, exec_probe, mount, owner_labels
+from .common import FOR_EVER, ONE_HEAP, Files, config_map, mount, owner_labels
 from .namespace import needs_fleet_namespace
 
 IN_POD = ("app", "sidecar")  # where the code runs; a `gate` is looked at by the keeper, `none` by nobody
@@ -119,15 +119,13 @@ def probes(app: App) -> Object:
         seldom = {"periodSeconds": 10, "timeoutSeconds": COMMAND_TIMEOUT, "failureThreshold": 3}
         found["readinessProbe"] = {**asked, **seldom}
     if app.hooks == "sidecar":
-        found["startupProbe"] = _startup("/started", STARTED_TIMEOUT)
+        found["startupProbe"] = _startup(_asked("/started"), STARTED_TIMEOUT)
         found["lifecycle"] = {"preStop": _asked("/stop")}
     elif app.hooks == "app":
-        started, stop = code_command("started"), code_command("stop")
-        found["startupProbe"] = exec_probe(started, period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER)
-        found["lifecycle"] = {"preStop": {"exec": {"command": stop}}}
+        found["startupProbe"] = _startup({"exec": {"command": code_command("started")}}, STARTED_TIMEOUT)
+        found["lifecycle"] = {"preStop": {"exec": {"command": code_command("stop")}}}
     elif asked:
-        often = {"periodSeconds": 1, "timeoutSeconds": COMMAND_TIMEOUT, "failureThreshold": FOR_EVER}
-        found["startupProbe"] = {**asked, **often}
+        found["startupProbe"] = _startup(asked, COMMAND_TIMEOUT)
     return found
 
 
@@ -149,7 +147,7 @@ def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
         "env": [*environment, ONE_HEAP],
         "resources": SIDECARS,
         "volumeMounts": [CODE_MOUNT],
-        "startupProbe": _startup("/begin", BEGIN_TIMEOUT),
+        "startupProbe": _startup(_asked("/begin"), BEGIN_TIMEOUT),
     }
 
 
@@ -170,8 +168,8 @@ def _asked(path: str) -> Object:
     return {"httpGet": {"path": path, "port": PORT}}
 
 
-def _startup(path: str, timeout: int) -> Object:
-    return {**_asked(path), "periodSeconds": 1, "timeoutSeconds": timeout, "failureThreshold": FOR_EVER}
+def _startup(asked: Object, timeout: int) -> Object:
+    return {**asked, "periodSeconds": 1, "timeoutSeconds": timeout, "failureThreshold": FOR_EVER}
 
 
 # ---- the code itself

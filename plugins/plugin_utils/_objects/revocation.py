@@ -20,8 +20,7 @@ from typing import Any
 from ...module_utils._common.documents import Variables
 from ...module_utils._step.objects import Object
 from .._model.context import Robot
-from .admission import API
-from .common import made, owner_labels
+from .admission import policy
 from .parts import APPS, MASTER, workload_objects
 
 REVOKER = "rosops.fleet.revoke"  # as holder of the robot's Lease, too
@@ -52,19 +51,9 @@ def refusal_of(node: str) -> str:
 
 def revocation_objects(node: str) -> list[Object]:
     """The policy, and what puts it in force."""
-    name, labels = policy_name(node), owner_labels(None)
-    everything = {"apiGroups": ["*"], "apiVersions": ["*"], "operations": ["*"], "resources": ["*/*"]}
-    spec = {
-        "failurePolicy": "Fail",
-        "matchConstraints": {"resourceRules": [everything]},
-        "matchConditions": [{"name": "node", "expression": f"request.userInfo.username == '{user_of(node)}'"}],
-        "validations": [{"expression": "false", "message": refusal_of(node), "reason": "Forbidden"}],
-    }
-    force = {"policyName": name, "validationActions": ["Deny"]}
-    return [
-        made(API, "ValidatingAdmissionPolicy", name, labels=labels, spec=spec),
-        made(API, "ValidatingAdmissionPolicyBinding", name, labels=labels, spec=force),
-    ]
+    condition = {"node": f"request.userInfo.username == '{user_of(node)}'"}
+    validation = {"expression": "false", "message": refusal_of(node), "reason": "Forbidden"}
+    return policy(policy_name(node), {"*/*/*": ("*",)}, condition, {}, [validation])
 
 
 def tokens_of(node: str, secrets: Iterable[Object]) -> list[str]:

@@ -125,10 +125,7 @@ def of_host() -> Kind:
 
 def kind_of_option(option: Option, path: str) -> Kind:
     """The kind of an argument spec's option, with the forms at and below its path."""
-    form = FORMS.get(path)
-    if isinstance(form, Kind):
-        return form
-    kind = _plain(option, path)
+    form, kind = FORMS.get(path), _plain(option, path)
     return kind._replace(notes=(*kind.notes, form)) if form else kind
 
 

@@ -32,10 +32,14 @@ def load_cases() -> list[dict[str, Any]]:
     for key, rows in table.items():
         cases += [{key: given, "says": key + (said if said[0] == "[" else f".{said}")} for said, given in rows.items()]
     for case in cases:
-        path, words = case["says"].split(": ", 1)
-        case["path"] = re.sub(r"^\w+(?=[.\[]|$)", lambda found: PLACES.get(found[0], found[0]), path)
+        case["path"], words = whole_path(case["says"]).split(": ", 1)
         case["words"] = words.removeprefix("...; ")
     return cases
+
+
+def whole_path(said: str) -> str:
+    """A line with its path from the hosts on."""
+    return re.sub(r"^\w+(?=[.\[:])", lambda found: PLACES.get(found[0], found[0]), said)
 
 
 def fleet_of(case: dict[str, Any]) -> dict[str, Any]:

@@ -40,12 +40,16 @@ def test_options_come_before_the_environment(
     assert {key: getattr(configuration, key) for key in expected} == expected
 
 
-def test_an_environment_that_does_not_count_adds_nothing(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_environment_that_does_not_count_adds_nothing(
+    server: Server, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     for name, value in {
         "HOST": "https://b", "API_KEY": "b", "CONTEXT": "away", "VERIFY_SSL": "False", "IMPERSONATE_GROUPS": "a",
     }.items():  # fmt: skip
         monkeypatch.setenv(f"K8S_AUTH_{name}", value)
-    access = access_from({"kubeconfig": kubeconfig(server.url)}, environment=False)
+    path = tmp_path / "config"
+    path.write_text(yaml.safe_dump(kubeconfig(server.url)))
+    access = access_from({"kubeconfig": str(path)}, environment=False)
     assert (access.configuration.host, access.configuration.verify_ssl, access.headers) == (server.url, True, ())
     with Kube(access) as kube:
         kube.nodes()
@@ -77,15 +81,6 @@ def kubeconfig(url: str) -> dict[str, Any]:
         "users": [{"name": "admin", "user": {"token": "from-file"}}],
         "contexts": [{"name": name, "context": {"cluster": name, "user": "admin"}} for name in servers],
     }
-
-
-def test_a_kubeconfig_as_file_or_as_data(server: Server, tmp_path: Path) -> None:
-    path = tmp_path / "config"
-    path.write_text(yaml.safe_dump(kubeconfig(server.url)))
-    for given in (str(path), kubeconfig(server.url)):
-        with Kube({"kubeconfig": given}) as kube:
-            assert kube.objects("Pod", "robot-robot1") == []
-        assert server.seen()[2]["authorization"] == "Bearer from-file"
 
 
 @pytest.mark.parametrize("content", [None, "", "{", "kind: Config"])

@@ -135,10 +135,6 @@ FOREIGN = {
 }
 
 
-def test_what_others_put_beside_ours() -> None:
-    assert foreign_fields(shown(BY_SET, BY_EDIT, paused=True), WANTED, US) == FOREIGN
-
-
 def test_what_we_name_the_server_fills_in_or_controllers_write_is_none_of_it() -> None:
     scaled = update("k3s", {"f:replicas": {}}, subresource="scale")
     image = update("kubectl-set", pod({"f:containers": {APP: {"f:image": {}, "f:ports": {PORT: {".": {}}}}}}))
@@ -154,8 +150,9 @@ def test_a_mapping_that_is_one_field_has_to_be_the_wanted_one() -> None:
     assert foreign_fields(found, WANTED, US) == {"f:spec": pod({"f:nodeSelector": {}})}
 
 
-def test_taken_over_it_is_as_if_we_had_applied_it() -> None:
+def test_what_others_put_beside_ours_is_taken_over_as_if_we_had_applied_it() -> None:
     found = shown(BY_SET, BY_EDIT, paused=True)
+    assert foreign_fields(found, WANTED, US) == FOREIGN
     taken = taken_over(found, FOREIGN, US)
     assert [entry["manager"] for entry in taken] == [US, "k3s", "kubectl-set"]  # of kubectl-edit nothing is left
     assert taken[2]["fieldsV1"] == {"f:spec": pod({"f:containers": {APP: {"f:image": {}}}})}

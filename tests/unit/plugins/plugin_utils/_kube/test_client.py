@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube import connection
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
@@ -259,12 +258,6 @@ def test_of_other_kinds_what_others_put_there_stays(server: Server, kube: Kube) 
     server.put(path, {**wanted, "spec": both, "metadata": {**wanted["metadata"], "managedFields": [beside]}})
     assert [one.changed for one in kube.apply([wanted])] == [False]
     assert (server.find(path)["spec"], server.find(path)["metadata"]["managedFields"]) == (both, [beside])
-
-
-@pytest.mark.parametrize("bad", [{}, {"kind": "Pod"}, {"apiVersion": "v1", "kind": "Pod", "metadata": {}}])
-def test_no_definition(kube: Kube, bad: dict[str, Any]) -> None:
-    with pytest.raises(KubeError, match="no full definition"):
-        kube.apply([bad])
 
 
 def test_delete(kube: Kube) -> None:

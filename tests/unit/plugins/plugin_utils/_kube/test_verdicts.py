@@ -132,12 +132,10 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "our gate will never open": (
             after(by_us("cannot become ready: topic /t"), old_pod), "fail", "pod talker-new-1: cannot become ready: to",
         ),
-        "unavailable": (
-            rolled(pod("talker-new-1", NEW, [creating]), status=OPEN),
-            "wait",
-            "0 of 1 pods available: pod talker-new-1, container ros-app: ContainerCreating",
+        "not ready": (
+            rolled(starting, status=OPEN), "wait", "0 of 1 pods available: pod talker-new-1, container ros-app: not r",
         ),
-        "not ready": (rolled(starting, status=OPEN), "wait", "ros-app: not ready yet"),
+        "unavailable by number": (rolled(new_pod, status={"unavailableReplicas": 1}), "wait", "1 of 1 pods available"),
         "old pod terminates": (rolled(new_pod, gone_soon(old_pod)), "wait", "talker-old-1 is terminating on"),
         "old pod still there": (rolled(new_pod, old_pod), "wait", "talker-old-1 still runs on robot1"),
         "own pod terminates": (rolled(new_pod, gone_soon(pod("talker-new-0", NEW))), "wait", "terminating"),
@@ -373,7 +371,6 @@ full: Object = {"type": "DiskPressure", "status": "True", "message": "a full dis
         "ready": (node(), "pass", "Ready"),
         "cordoned": (node(unschedulable=True), "pass", "Ready, cordoned"),
         "not ready": (node(ready="False"), "wait", "NotReady"),
-        "unknown": (node(ready="Unknown"), "wait", "NotReady"),
         "why": (
             View([obj("Node", "robot1", status={"conditions": [not_ready]})]),
             "wait",

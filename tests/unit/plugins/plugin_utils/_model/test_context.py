@@ -8,8 +8,8 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, File, Port, UpdateSettings, Volume
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import MasterSettings, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import File, Port
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -72,24 +72,7 @@ def test_every_field_survives() -> None:
     assert "hush" not in json.dumps(fact)
 
 
-def test_a_robot_of_nothing_but_defaults() -> None:
-    made = robot(APP, volumes=[{"name": "v"}])
-    assert (made.namespace, made.mode) == ("robot-robot1", "agent")
-    assert made.master == MasterSettings("robot", "ros:noetic-ros-core", "", "local", {})
-    assert made.volumes == (Volume("v", "/mnt/data/v", "1Gi", None, "ReadWriteOnce"),)
-    assert made.apps == (App(**APP, handoff="replace", node_name="talker"),)
-    assert made.apps[0].update == UpdateSettings(None, (), None)
-    assert robot(master={"mode": "shared"}).master.placement == "remote"
-
-
 @pytest.mark.parametrize("nothing", [None, ""])
 def test_null_and_the_empty_text_stand_for_the_default(nothing: Any) -> None:
     master = dict.fromkeys(("mode", "image", "uri", "placement", "overrides"), nothing)
     assert robot({**APP, "handoff": nothing}, master=master) == robot(APP)
-
-
-def test_an_app_is_found_by_its_name() -> None:
-    made = robot(APP, {**APP, "name": "other"})
-    assert made.app("other") is made.apps[1]
-    with pytest.raises(KeyError):
-        made.app("nobody")

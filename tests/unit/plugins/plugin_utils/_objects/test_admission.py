@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -102,3 +103,16 @@ def test_what_is_left_out_by_the_api_server_is_left_out() -> None:
     found = lines(made)
     assert {"host pod", "user pod securityContext.runAsUser=0 securityContext.supplementalGroups=20 | 44"} <= {*found}
     assert not any("args=" in line for line in found)
+
+
+@pytest.mark.parametrize("home", ["robot-r1", "fleet"])
+def test_the_policy_bounds_a_keeper_whichever_namespace_it_is_of_or_writes_in(home: str) -> None:
+    policy, force = admission.admission_objects()
+    (condition,) = policy["spec"]["matchConditions"]
+    tests = re.findall(r"(startsWith|endsWith)\('([^']*)'\)", condition["expression"])
+    user = f"system:serviceaccount:{home}:ros-keeper"
+    assert [getattr(user, kind.lower())(text) for kind, text in tests] == [True, True]
+    rules = policy["spec"]["matchConstraints"]["resourceRules"]
+    assert "pods/status" in [kind for rule in rules for kind in rule["resources"]]
+    assert "namespaceSelector" not in policy["spec"]["matchConstraints"]
+    assert force["spec"].keys() == {"policyName", "validationActions"}

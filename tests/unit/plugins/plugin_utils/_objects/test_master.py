@@ -12,7 +12,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import main as keeper_main
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master, parts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 Object = dict[str, Any]
@@ -26,26 +26,11 @@ def pod(deployment: Object) -> Object:
     return spec
 
 
-def keeper(**of: Any) -> list[Object]:
-    return master.keeper_objects(robot(name="r1", master=of))
-
-
 def test_goal_forwarding_is_switched_off_by_a_word_of_its_command() -> None:
-    on, off = (pod(keeper(goal_forwarding=word)[0])["containers"][0] for word in (True, False))
+    made = (master.keeper_objects(robot(master={"goal_forwarding": word})) for word in (True, False))
+    on, off = (pod(deployment)["containers"][0] for deployment, _service in made)
     assert off == {**on, "command": [*on["command"], "--goal-forwarding", "off"]}
     assert keeper_main.options(off["command"][off["command"].index("keeper") + 1 :])["--goal-forwarding"] == "off"
-
-
-def test_what_a_robot_s_work_hangs_on_is_ended_after_any_app() -> None:
-    """By the kubelet, where memory or disk is short: no pod without requests, and a class of which no app is."""
-    made = robot({"name": "talker", "image": "example.org/talker:1"}, name="r1")
-    pods = [pod(one) for one in parts.workload_objects(made, parts.PARTS) if one["kind"] == "Deployment"]
-    assert [one.get("priorityClassName") for one in pods] == ["rosops-fleet", "rosops-fleet", None]
-    assert [set(one["containers"][0]["resources"]["requests"]) for one in pods[:2]] == [{"cpu", "memory"}] * 2
-    for part in ("namespace", "master"):  # pods of a class that is not there are refused
-        [found] = [one for one in parts.ground_objects(made, [part], [], {}) if one["kind"] == "PriorityClass"]
-        assert (found["metadata"]["name"], found["preemptionPolicy"]) == ("rosops-fleet", "Never")
-        assert 0 < found["value"] <= 1_000_000_000  # what is above is Kubernetes' own
 
 
 # --- the metrics ------------------------------------------------------------------------------------------------------
@@ -95,10 +80,6 @@ def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(of: Object, se
     assert tuple(made["options"][word] for word in said) == (wanted if sees else ("", "", "{}"))
     assert ("claims" in made["volumes"], made["add"]) == (sees, ["DAC_OVERRIDE"] if sees else [])
     assert made["mounts"].get("claims") == (wanted[0] if sees else None)
-
-
-def test_beside_an_external_master_it_keeps_nothing() -> None:
-    assert shown(master=EXTERNAL)["options"]["--keep"] == "off"
 
 
 # --- the master's start -----------------------------------------------------------------------------------------------

@@ -14,11 +14,9 @@ import tokenize
 import urllib.request
 from pathlib import Path
 from tokenize import COMMENT
-from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import ARCHIVE, COMMANDS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
     LAUNCHER,
     MODULE_UTILS,
@@ -144,30 +142,12 @@ def test_what_shows_metrics_runs_from_a_mount_without_a_master(tmp_path: Path, p
 
 # --- where it is ------------------------------------------------------------------------------------------------------
 
-CODE: Files = {"run.py": "code", "more": b"code"}
-APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
-FLEETS, PLAIN, BESIDE = {**APP, "scope": "fleet"}, {**APP, "hooks": "none"}, {**APP, "hooks": "sidecar"}
-ROBOT, FLEET = "robot-r1", "fleet"
-SHARED, EXTERNAL = {"mode": "shared"}, {"mode": "external", "uri": "http://192.0.2.1:11311"}
 
-
-@pytest.mark.parametrize(
-    ("apps", "master", "places"),
-    [
-        ([PLAIN], {}, [ROBOT]),  # the keeper's pod needs it
-        ([PLAIN], EXTERNAL, [ROBOT]),
-        ([APP], SHARED, [ROBOT, FLEET]),
-        ([PLAIN], SHARED, [ROBOT, FLEET]),  # a version that a step goes back to may need it
-        ([BESIDE], EXTERNAL, [ROBOT]),
-        ([FLEETS], EXTERNAL, [ROBOT, FLEET]),
-    ],
-)
-def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, places: list[str]) -> None:
-    seen = {"enabled": "seen" in master}
-    objects = code_maps(robot(*apps, name="r1", master=master, observability=seen), CODE)
-    assert [one["metadata"]["namespace"] for one in objects] == places
-    held = [(one["metadata"]["name"], one["data"], one["binaryData"]) for one in objects]
-    assert held == [("rosops-code", {"run.py": "code"}, {"more": "Y29kZQ=="})] * len(places)
+def test_a_map_is_in_each_namespace_in_use() -> None:
+    """What it has where stands in the golden files; apps of the fleet need theirs at any master."""
+    of_fleet = {"name": "a", "image": "example.org/a:1", "args": ["x"], "scope": "fleet"}
+    made = robot(of_fleet, name="r1", master={"mode": "external", "uri": "http://192.0.2.1:11311"})
+    assert [one["metadata"]["namespace"] for one in code_maps(made, FILES)] == ["robot-r1", "fleet"]
 
 
 # --- what starts a launch file, in an image whose ROS lies below /opt/ros ---------------------------------------------

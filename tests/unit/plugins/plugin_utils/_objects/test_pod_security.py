@@ -94,17 +94,6 @@ def test_a_robot_with_ordinary_apps_fits_the_strictest_level(hooks: str) -> None
     assert [one.line() for one in report.problems] == []
 
 
-def test_what_looks_into_claims_stays_root() -> None:
-    """A user of a container has no capabilities, and the directories of claims are their apps'."""
-    made = robot(volumes=[{"name": "a", "size": "1Ki"}], observability={"enabled": True})
-    users = {
-        one["metadata"]["name"]: one["spec"]["template"]["spec"]["containers"][0]["securityContext"].get("runAsUser")
-        for one in workload_objects(made, PARTS)
-        if one["kind"] == "Deployment"
-    }
-    assert users == {"ros-master": 65532, "ros-keeper": None}
-
-
 @pytest.mark.parametrize(
     "overrides",
     [

@@ -70,4 +70,5 @@ def test_keys_of_a_rigelfile_are_refused_all_at_once_whatever_their_values() -> 
     said = Templated({name: ValueError("it rests on what is not there") for name in RIGEL})
     found = check_fleet({"edge": ["edge1"], "robots": ["robot1"]}, {"robot1": said}).problems
     assert [problem.path for problem in found] == [f"hosts.robot1.{name}" for name in RIGEL]
-    assert all(problem.allowed == RIGEL[problem.path.rpartition(".")[2]] for problem in found)
+    assert [problem.allowed for problem in found] == [*RIGEL.values()]
+    assert {problem.problem for problem in found} == {"is a key of a Rigelfile and has no effect here"}

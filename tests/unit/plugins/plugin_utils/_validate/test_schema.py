@@ -8,14 +8,13 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import VALUE_ARGS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Condition
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, keys, kind_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import Form
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, keys
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
     FORMS,
     OWN,
-    kind_of_option,
     needed,
     of_host,
     value_problems,
@@ -91,12 +90,6 @@ def wrong(name: str, value: Any) -> bool:
 def test_types_of_a_variable(name: str, good: list[Any], bad: list[Any]) -> None:
     assert [value for value in good if wrong(name, value)] == []
     assert [value for value in bad if not wrong(name, value)] == []
-
-
-def test_a_form_adds_to_the_spec_or_stands_in_its_place() -> None:
-    option = {"type": "list", "elements": "str"}
-    assert kind_of_option(option, "update_windows[].days") == Kind(tuple, (kind_of(str),), (FILLED,))
-    assert kind_of_option({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
 
 
 def test_what_the_validation_needs_and_what_it_leaves_to_the_role() -> None:
