@@ -45,7 +45,8 @@ def secrets_in(value: Any) -> Iterator[str]:
         if _SECRET_VARIABLE.search(str(value.get("name"))) and isinstance(value.get("value"), str):
             yield str(value["value"])
         if value.get("kind") == "Secret":
-            yield from (str(text) for part in ("data", "stringData") for text in (value.get(part) or {}).values())
+            held = [value[part] for part in ("data", "stringData") if isinstance(value.get(part), Mapping)]
+            yield from (str(text) for part in held for text in part.values())
         for key, item in value.items():
             yield from [item] if isinstance(item, str) and _SECRET_KEY.search(str(key)) else []
             yield from secrets_in(item)
