@@ -93,6 +93,7 @@ FORMS: dict[str, object] = {
     )},
     **{f"observability_images.{part}": text("image") for part in all_options()["observability_images"]["options"]},
     "observability_hub_url": or_empty("hub-url"),
+    "observability_tls_secret_name": or_empty("dns-name"),
     "observability_allowed_networks[]": text("network"),
     "observability_log_shipper": words("otelcol, which took promtail's place and its labels, or none"),
 }  # fmt: skip
