@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
+from doc_blocks import CHECKOUT, blocks_of
 
 NAME = "telemetry-tls"
 ALERTS = {"route": {"receiver": "nobody"}, "receivers": [{"name": "nobody"}]}
@@ -207,3 +208,17 @@ def test_a_run_restarts_who_does_not_read_it_again(change: dict[str, str], parts
 def test_a_secret_that_is_not_whole_is_told(there: dict[str, Any], told: str) -> None:
     with pytest.raises(SpecError, match=told):
         stack.tls_versions(full(HUB), there)
+
+
+def test_the_page_s_certificates_have_the_names_that_are_asked_for() -> None:
+    page = (CHECKOUT / "docs" / "observability.md").read_text("utf-8")
+    [block] = [one for one in blocks_of("observability.md", page) if "cert-manager.io/v1" in one.text]
+    issuer, *certificates = yaml.safe_load_all(block.text)
+    made = {one["spec"]["secretName"]: one["spec"] for one in certificates}
+    assert set(secrets_of(full(HUB)).values()) == set(made) - {"robot2-tls"}
+    assert {one["issuerRef"]["name"] for one in made.values()} == {issuer["metadata"]["name"]}
+    jobs = file(full(HUB), "prometheus", "prometheus.yml")["scrape_configs"]
+    asked = {one["tls_config"]["server_name"] for one in jobs if "cert_file" in one.get("tls_config", {})}
+    assert set(made[NAME]["dnsNames"]) == asked
+    assert made[NAME]["usages"] == ["server auth", "client auth"]
+    assert {tuple(spec["usages"]) for name, spec in made.items() if name != NAME} == {("client auth",)}

@@ -179,8 +179,8 @@ HUB = {"observability_profile": "hub", "observability_allowed_networks": ["192.0
 REPORTS = {"robot_mode": "standalone", "observability_profile": "robot", "observability_hub_url": "https://192.0.2.10"}
 CERTIFIED = {"observability_tls_secret_name": "telemetry-tls"}
 OPEN = (
-    "hosts.edge1.observability_tls_secret_name: is empty: whoever is in observability_allowed_networks reads and writes "
-    "at the hub, and nothing is encrypted; docs/observability.md, Certificates, has how to close it"
+    "hosts.edge1.observability_tls_secret_name: is empty: whoever is in observability_allowed_networks reads and "
+    "writes at the hub, and nothing is encrypted; docs/observability.md, Certificates, has how to close it"
 )
 PUBLIC = (
     "hosts.robot1.observability_tls_secret_name: is empty: the hub is shown no certificate, and has to have one of a "
