@@ -83,7 +83,6 @@ FORMS: dict[str, object] = {
     **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in LOGIN], kind_of(Filled)),
     **{f"observability{end}": text("retention") for end in (
         ".prometheus.scrape_interval", ".prometheus.evaluation_interval", ".prometheus.retention", ".loki.retention",
-        "_out_of_order_window",
     )},
     **{f"observability{end}": SIZE for end in (
         ".grafana.persistence.size", ".loki.persistence.size", "_prometheus_size", "_store_size",
