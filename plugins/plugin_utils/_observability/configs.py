@@ -81,7 +81,7 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
         "loki_url": hub_url(spec, HUB_LOGS) if robot else urls(spec)["loki"],
         "ports": PORTS,
         "urls": urls(spec),
-        "secured": SERVERS if spec["tls_secret_name"] else (),
+        "servers": SERVERS,
         "client_tls": CLIENT_TLS,
         "server_tls": SERVER_TLS,
         "folders": FOLDERS,
