@@ -280,8 +280,7 @@ def test_loki_takes_lines_of_those_with_a_certificate_alone(
     eventually("the stranger's complaint", lambda: re.search("remote error: tls: ", stranger.tail))
     assert set(lines()) == {"of robot"}
 
-    # the certificate is read again, but who is believed only as it starts
-    other = Authority(tmp_path / "other")
-    other.secret("hub", secret)
-    both = other.caller("robot2", ours)
-    eventually("the new certificate", lambda: ask(f"{url}/ready", both))
+    # who asks by an address is served by the certificate of its start, and who is believed is of its start, too
+    theirs.secret("hub", secret)
+    assert ask(f"{url}/ready", mine)
+    assert_closed(f"{url}/loki/api/v1/labels", ours, theirs)

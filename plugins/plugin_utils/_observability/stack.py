@@ -29,9 +29,10 @@ DISCOVERY = [
     {"nonResourceURLs": ["/metrics"], "verbs": ["get"]},
 ]
 TLS_KEYS = ("tls.crt", "tls.key", "ca.crt")  # of a Secret as cert-manager writes it
-# What a part reads of its Secret at its start alone. Everything else it reads again.
+# What a part reads of its Secret at its start alone. Everything else it reads again. Loki has a new certificate for who
+# asks it by a name, but not for who asks by an address.
 READ_ONCE = {
-    "loki": ("ca.crt",), "log-shipper": ("ca.crt",), "vmagent": ("ca.crt",), "grafana": ("tls.crt", "ca.crt"),
+    "loki": ("tls.crt", "ca.crt"), "grafana": ("tls.crt", "ca.crt"), "log-shipper": ("ca.crt",), "vmagent": ("ca.crt",),
 }  # fmt: skip
 # A process that needs nothing of its host but what is mounted into it.
 UNPRIVILEGED = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}

@@ -185,7 +185,7 @@ def restarted(change: dict[str, str]) -> set[str]:
 @pytest.mark.parametrize(
     ("change", "parts"),
     [
-        ({"tls.crt": "bmV3"}, {"grafana"}),
+        ({"tls.crt": "bmV3"}, {"grafana", "loki"}),
         ({"ca.crt": "bmV3"}, {"grafana", "loki", "log-shipper"}),
         ({"tls.key": "bmV3"}, set()),
     ],

@@ -95,7 +95,10 @@ def test_certificates_have_to_be_there_and_another_one_restarts_who_reads_it_onc
     assert not stack(**named)["changed"]
     other = server.put(f"{SECRETS}/telemetry-tls", certificate("another"))
     changed = stack(**named)["diff"]
-    assert [one["before_header"] for one in changed] == ["Deployment observability/grafana"]
+    assert [one["before_header"] for one in changed] == [
+        "Deployment observability/loki",
+        "Deployment observability/grafana",
+    ]
     assert [text for text in other["data"].values() if text in str(changed)] == []
 
 
