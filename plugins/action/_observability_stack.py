@@ -12,13 +12,13 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._step.objects import Object
 from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ..plugin_utils._kube.cache import parse_refs
+from ..plugin_utils._kube.cache import Ref, parse_refs
 from ..plugin_utils._kube.client import Kube, ref_of
 from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ..plugin_utils._model.fleet import Fleet
 from ..plugin_utils._observability import stack
 from ..plugin_utils._observability.files import Files, stack_files
-from ..plugin_utils._observability.spec import Spec, images, runs, spec_of
+from ..plugin_utils._observability.spec import NAMESPACE, Spec, images, runs, spec_of, tls_secrets
 from ..plugin_utils._report.held import nodes_off
 
 
@@ -32,6 +32,8 @@ class ActionModule(ClusterAction):
         spec, files = self._given(known)
         check = self._task.check_mode
         with self.cluster(params, known) as kube:
+            certificates = {name: kube.get(Ref("Secret", name, NAMESPACE)) for name in tls_secrets(spec).values()}
+            spec = {**spec, "tls_versions": stack.tls_versions(spec, certificates)}
             admin = {"password": "", "version": ""}
             if runs(spec)["grafana"]:
                 there = kube.get(ref_of(stack.ADMIN_SECRET))

@@ -28,6 +28,9 @@ PROFILES: dict[str, dict[str, Any]] = {
     "hub": {"profile": "hub", "remote_nodes": ["edge1"], "alertmanager_config": ALERTMANAGER},
     "robot": {"profile": "robot", "robot": "robot2", "hub_url": "http://127.0.0.1"},
 }
+TLS = {"tls_secret_name": "telemetry-tls"}
+PROFILES["hub by TLS"] = {**PROFILES["hub"], **TLS}
+PROFILES["robot by TLS"] = {**PROFILES["robot"], **TLS, "hub_url": "https://127.0.0.1"}
 GATE = "--feature-gates=stanza.synchronousLogEmitter"
 PARTS = 3  # of a long line
 # Namespace, pod and container of log files, and the stream that their lines belong to.

@@ -42,6 +42,8 @@ RUN = {
     "::test_certificates_are_made_anew_under_robots_at_work",
     r"PLAY guarded -e guarded_tasks=\$PWD/tasks/reboot\.yml( LIMIT)?": "tests/unit/playbooks/test_guarded_tasks.py"
     "::test_they_run_once_and_change_nothing_the_second_time",
+    r"openssl (req|x509) .*": "tests/observability/test_tls.py"
+    "::test_prometheus_takes_samples_of_those_with_a_certificate_alone",
     r"PLAY record LIMIT": REHEARSAL,
     r"PLAY awx_access -e awx_access_dir=~/\.awx-access": "tests/update/test_8_awx.py"
     "::test_the_account_for_awx_is_enough",

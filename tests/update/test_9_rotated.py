@@ -53,7 +53,7 @@ def test_certificates_are_made_anew_under_robots_at_work(fleet: Fleet) -> None:
     now = keys(fleet)
     for host in HOSTS:
         assert "certificates until 20" in looked.host(host)["reason"], looked
-        assert "(before: 20" in run.host(host)["reason"], run
+        assert "certificates until 20" in run.host(host)["reason"], run
         assert now[host] != before[host]
         assert len(copies(fleet, host)) == len(earlier[host]) + 1
         assert not unproven(fleet, host)
@@ -75,7 +75,7 @@ def test_certificates_of_a_run_that_was_killed_are_proven_and_not_made_again(fle
     fleet.hosts.ssh(EDGE, f"for n in $(seq 60); do {BINARY} kubectl get --raw /readyz && exit; sleep 1; done; exit 1")
     run = rotate(fleet).must(0)
     assert keys(fleet)[EDGE] == made, run
-    assert "(before: 20" in run.host(EDGE)["reason"], run
+    assert "certificates until 20" in run.host(EDGE)["reason"], run
     assert not any(unproven(fleet, host) for host in HOSTS)
     fleet.assert_still_running(pods)
 

@@ -20,7 +20,20 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ...module_utils._exporter.families import MOST
-from .spec import HUB_LOGS, HUB_METRICS, PORTS, ROBOT, URLS, Spec, hub_url, retention_size, runs, store_size
+from .spec import (
+    HUB_LOGS,
+    HUB_METRICS,
+    PORTS,
+    ROBOT,
+    SERVERS,
+    TLS,
+    Spec,
+    hub_url,
+    retention_size,
+    runs,
+    store_size,
+    urls,
+)
 
 STREAM_LABELS = ("robot", "namespace", "app", "pod", "placement")
 # Folder in Grafana -> directory: the collection's own dashboards, and those of the inventory.
@@ -32,6 +45,12 @@ APP_OF_POD = rf"(?P<app>.+?)(?:-{_GENERATED}{{5,10}}-{_GENERATED}{{5}}|-{_GENERA
 ROBOT_OF_NAMESPACE = r"robot-(?P<robot>.+)"
 # /var/log/pods/<namespace>_<pod>_<uid>/<container>/<restarts>.log
 PATH = r"/var/log/pods/(?P<namespace>[^_/]+)_(?P<pod>[^_/]+)_[^/]+/(?P<container>[^/]+)/.*"
+# By the names that Prometheus, Loki, Alertmanager and the collector all have for them.
+OWN_CERTIFICATE = {"cert_file": f"{TLS}/tls.crt", "key_file": f"{TLS}/tls.key"}
+CLIENT_TLS = {"ca_file": f"{TLS}/ca.crt", **OWN_CERTIFICATE}
+SERVER_TLS = {
+    **OWN_CERTIFICATE, "client_ca_file": f"{TLS}/ca.crt", "client_auth_type": "RequireAndVerifyClientCert",
+}  # fmt: skip
 
 Config = dict[str, Any]  # of a program, as that wants it
 
@@ -59,9 +78,12 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
         **spec,
         "wanted": runs(spec),
         "hub_metrics": hub_url(spec, HUB_METRICS) if robot else "",
-        "loki_url": hub_url(spec, HUB_LOGS) if robot else URLS["loki"],
+        "loki_url": hub_url(spec, HUB_LOGS) if robot else urls(spec)["loki"],
         "ports": PORTS,
-        "urls": URLS,
+        "urls": urls(spec),
+        "servers": SERVERS,
+        "client_tls": CLIENT_TLS,
+        "server_tls": SERVER_TLS,
         "folders": FOLDERS,
         "state": "/var/lib/rosops-fleet/log-shipper",  # on the host
         "retention_size": retention_size(spec["prometheus_size"]),
@@ -76,6 +98,11 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
     }
     found: Config = yaml.safe_load(ENVIRONMENT.get_template(f"{template}.yml.j2").render(values))
     return found
+
+
+def web_config(spec: Spec) -> dict[str, str]:
+    """The file of Prometheus and of Alertmanager that says how they serve, where it is by TLS."""
+    return {"web.yml": yaml_text({"tls_server_config": SERVER_TLS})} if spec["tls_secret_name"] else {}
 
 
 def yaml_text(value: Config) -> str:

@@ -23,7 +23,9 @@ PORTS = {
     "vmagent": 8429,
 }  # fmt: skip
 ON_EVERY_HOST = frozenset({"node-exporter", "log-shipper"})  # DaemonSets; all others are Deployments
-URLS = {name: f"http://{name}.{NAMESPACE}:{port}" for name, port in PORTS.items()}  # inside the cluster
+# Who serves by TLS where a Secret is named. All but Grafana, which asks for a password, let in who shows a certificate.
+SERVERS = ("prometheus", "loki", "alertmanager", "grafana")
+TLS = "/etc/tls"  # in a pod, the files of its Secret
 
 # Blocks are dropped when they would exceed this part of the claim. The rest is for what is not counted among them: the
 # write-ahead log of the last three hours, and the copy that a compaction makes.
@@ -36,12 +38,13 @@ def spec_of(variables: Spec, robot: str = "", remote_nodes: Collection[str] = ()
     """The role's variables, all of them and of their specs' types, as the one input of what follows.
 
     Keys are those of the mapping `observability`, and the other variables' names without `observability_`. `robot` is
-    the one whose own cluster it is, empty for the shared cluster; `remote_nodes` are that one's edge nodes.
+    the one whose own cluster it is, empty for the shared cluster; `remote_nodes` are that one's edge nodes. What
+    `tls_versions` are is only known with the cluster at hand.
     """
     whole = {name: completed(option, variables[name]) for name, option in role_options("observability").items()}
     seed = whole.pop("observability")
     own = {name.removeprefix("observability_"): value for name, value in whole.items()}
-    return {**own, **seed, "robot": robot, "remote_nodes": list(remote_nodes)}
+    return {**own, **seed, "robot": robot, "remote_nodes": list(remote_nodes), "tls_versions": {}}
 
 
 def runs(spec: Spec) -> dict[str, bool]:
@@ -58,6 +61,28 @@ def runs(spec: Spec) -> dict[str, bool]:
         # lines that nobody takes would fill the hosts' disks
         "log-shipper": spec["log_shipper"] != "none" and (robot or loki),
         "grafana": not robot and spec["grafana"]["enabled"],
+    }
+
+
+def tls_secrets(spec: Spec) -> dict[str, str]:
+    """Part that runs -> the Secret with its certificate.
+
+    The log shipper runs on every host, robots among them, which must not have the key that the servers are known by. So
+    it has a Secret of its own, but on a robot's own cluster, which has no servers.
+    """
+    name = spec["tls_secret_name"]
+    if spec["profile"] == ROBOT:
+        of_parts = {"vmagent": name, "log-shipper": name}
+    else:
+        of_parts = {**dict.fromkeys(SERVERS, name), "log-shipper": f"{name}-shipper"}
+    return {part: secret for part, secret in of_parts.items() if name and runs(spec)[part]}
+
+
+def urls(spec: Spec) -> dict[str, str]:
+    """Of every part, inside the cluster."""
+    secured = SERVERS if spec["tls_secret_name"] else ()
+    return {
+        name: f"{'https' if name in secured else 'http'}://{name}.{NAMESPACE}:{port}" for name, port in PORTS.items()
     }
 
 

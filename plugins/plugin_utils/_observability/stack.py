@@ -8,14 +8,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
+from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object
 from .._model.merge import deep_merge
 from .._objects import common
 from .._objects.common import annotate, made, object_labels, owner_labels, pod_selector
 from .._objects.placement import node_selector
-from .configs import FOLDERS, config, yaml_text
+from .configs import FOLDERS, config, web_config, yaml_text
 from .files import Files
-from .spec import HUB, HUB_LOGS, HUB_METRICS, NAMESPACE, ON_EVERY_HOST, PORTS, Spec, runs
+from .spec import HUB, HUB_LOGS, HUB_METRICS, NAMESPACE, ON_EVERY_HOST, PORTS, TLS, Spec, runs, tls_secrets
 
 PREFIXES = {"Fleet": "dashboard-", "Own": "own-dashboard-"}  # of the ConfigMaps of dashboards, by folder
 ADMIN_SECRET = made("v1", "Secret", "grafana-admin", NAMESPACE)
@@ -27,6 +28,12 @@ DISCOVERY = [
     {"apiGroups": [""], "resources": ["nodes/metrics"], "verbs": ["get"]},
     {"nonResourceURLs": ["/metrics"], "verbs": ["get"]},
 ]
+TLS_KEYS = ("tls.crt", "tls.key", "ca.crt")  # of a Secret as cert-manager writes it
+# What a part reads of its Secret at its start alone. Everything else it reads again. Loki has a new certificate for who
+# asks it by a name, but not for who asks by an address.
+READ_ONCE = {
+    "loki": ("tls.crt", "ca.crt"), "grafana": ("tls.crt", "ca.crt"), "log-shipper": ("ca.crt",), "vmagent": ("ca.crt",),
+}  # fmt: skip
 # A process that needs nothing of its host but what is mounted into it.
 UNPRIVILEGED = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}
 
@@ -65,7 +72,7 @@ def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
     if wanted["grafana"] and admin["password"]:
         found.append(_secret(ADMIN_SECRET["metadata"]["name"], "grafana", spec, {"user": "admin", **admin}))
     if wanted["alertmanager"]:
-        texts = {"alertmanager.yml": yaml_text(spec["alertmanager_config"])}
+        texts = {"alertmanager.yml": yaml_text(spec["alertmanager_config"]), **web_config(spec)}
         found.append(_secret("alertmanager", "alertmanager", spec, texts))
     return found
 
@@ -73,6 +80,22 @@ def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
 def _secret(name: str, app: str, spec: Spec, texts: Mapping[str, str]) -> Object:
     data = {key: base64.b64encode(str(text).encode()).decode() for key, text in texts.items()}
     return made("v1", "Secret", name, NAMESPACE, object_labels(app, spec["robot"] or None), data=data)
+
+
+def tls_versions(spec: Spec, secrets: Mapping[str, Object | None]) -> dict[str, str]:
+    """Part -> what it is restarted for, of the Secret with its certificate. SpecError where that is not whole.
+
+    `secrets` are those of the cluster by name. Nothing of a key is in what becomes of them.
+    """
+    found = {}
+    for part, name in tls_secrets(spec).items():
+        data = (secrets[name] or {}).get("data") or {}
+        if missing := [key for key in TLS_KEYS if not data.get(key)]:
+            told = f"the Secret {name} in the namespace {NAMESPACE} has no {', '.join(missing)}"
+            raise SpecError(f"{told}; docs/observability.md, Certificates, has how it is made")
+        if part in READ_ONCE:
+            found[part] = common.canonical_hash([data[key] for key in READ_ONCE[part]])
+    return found
 
 
 def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, str]:
@@ -109,7 +132,7 @@ def _maps(spec: Spec, rules: Mapping[str, str], boards: Maps) -> dict[str, Maps]
     """The ConfigMaps of each part."""
     scraped = {"prometheus.yml": yaml_text(config("scrape", spec))}
     return {
-        "prometheus": {"prometheus": scraped, "prometheus-rules": rules},
+        "prometheus": {"prometheus": {**scraped, **web_config(spec)}, "prometheus-rules": rules},
         "vmagent": {"vmagent": scraped},
         "loki": {"loki": {"loki.yml": yaml_text(config("loki", spec))}, "loki-rules": {}},
         "log-shipper": {"log-shipper": {"otelcol.yml": yaml_text(config("otelcol", spec))}},
@@ -132,7 +155,7 @@ def _open_ports(spec: Spec) -> dict[str, int]:
 
 def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Object]:
     """What is applied of a part, on a robot's own cluster as the robot's; `given` is its pod as the template has it."""
-    labels, pod = object_labels(name, spec["robot"] or None), _pod(name, given)
+    labels, pod = object_labels(name, spec["robot"] or None), _pod(name, given, tls_secrets(spec).get(name, ""))
     make = partial(made, namespace=NAMESPACE, labels=labels)
     if "serviceAccountName" in pod:
         account = f"rosops-fleet-{name}"
@@ -147,7 +170,8 @@ def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Objec
         body: Object = {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": str(size)}}}
         body |= {"storageClassName": spec["storage_class"]} if spec["storage_class"] else {}
         yield make("v1", "PersistentVolumeClaim", name, spec=body)
-    yield _workload(name, spec, pod, _config(name, spec, pod, maps))
+    configured, tls_version = _config(name, spec, pod, maps), spec["tls_versions"].get(name)
+    yield _workload(name, spec, pod, [configured, tls_version] if tls_version else configured)
     if name not in ON_EVERY_HOST:
         port, open_port = PORTS[name], _open_ports(spec).get(name)
         opened, at_host = {}, {}
@@ -166,8 +190,9 @@ def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Objec
             yield make("networking.k8s.io/v1", "NetworkPolicy", name, spec=body)
 
 
-def _pod(name: str, given: Object) -> Object:
-    """With what all of them have in common: no access to the API, no rights, one port, a probe of it."""
+def _pod(name: str, given: Object, tls_secret: str) -> Object:
+    """With what all of them have in common: no access to the API, no rights, one port, a probe of it. Who has a
+    certificate has the files of that Secret."""
     port = PORTS[name]
     all_of_them = {"imagePullPolicy": "IfNotPresent", "securityContext": UNPRIVILEGED}
     main = {
@@ -178,6 +203,10 @@ def _pod(name: str, given: Object) -> Object:
         "readinessProbe": {"httpGet": {"port": port}, "periodSeconds": 5, "timeoutSeconds": 5, "failureThreshold": 3},
     }
     pod = {"automountServiceAccountToken": False, "enableServiceLinks": False, **given}
+    if tls_secret:
+        main["volumeMounts"] = [{"name": "tls", "mountPath": TLS, "readOnly": True}]
+        volume = {"name": "tls", "secret": {"secretName": tls_secret, "defaultMode": 0o440}}
+        pod["volumes"] = [*given["volumes"], volume]
     for key, base in (("containers", main), ("initContainers", all_of_them)):
         if key in given:
             pod[key] = [deep_merge(base, one) for one in given[key]]
@@ -193,7 +222,7 @@ def _config(name: str, spec: Spec, pod: Object, maps: Maps) -> Any:
             return pod["containers"][0]["args"]
         case "grafana":
             return maps["grafana"]
-    [text] = maps[name].values()
+    text, *_read_again = maps[name].values()
     rules = maps.get(f"{name}-rules")
     return text if rules is None else [text, dict(rules)]
 

@@ -13,7 +13,7 @@ from .._model.finding import Problem
 from .._model.fleet import Fleet
 from .._model.topology import Groups, edge_ordered, fleet_topology, members
 from .draft import Draft, Hosts, Inventory, Said
-from .hosts import first_servers, host_problems
+from .hosts import first_servers, host_problems, host_warnings
 from .inventory import fleet_hosts, inventory_problems, near_misses
 from .robot import fleet_app_problems, port_problems, robot_problems, robot_warnings
 from .schema import of_host, value_problems
@@ -51,7 +51,7 @@ def check_fleet(groups: Groups, hosts: Hosts, given: Said = MappingProxyType({})
         fleet_app_problems(drafts), port_problems(drafts), inventory_problems(hosts, names, given),
     )  # fmt: skip
     warnings = [*(warning for item in drafts for warning in robot_warnings(item, not problems))]
-    warnings += near_misses(hosts, names)
+    warnings += [*host_warnings(there), *near_misses(hosts, names)]
     fleet = None if problems else _fleet(there, drafts)
     return Report([*dict.fromkeys(problems)], [*dict.fromkeys(warnings)], fleet, ours)
 

@@ -30,11 +30,35 @@ def host_problems(there: Inventory) -> Iterator[Problem]:
     """Everything that keeps hosts from making a fleet together."""
     for check in (_groups, _names, _agreement, _versions):
         yield from check(there)
+    for path, given, alone in _watched(there):
+        yield from _observability(path, given, alone)
+
+
+def host_warnings(there: Inventory) -> Iterator[Problem]:
+    """What is open of the clusters that are watched."""
+    for path, given, _alone in _watched(there):
+        profile, place = given.get("observability_profile"), f"{path}.observability_tls_secret_name"
+        if given.get("observability_tls_secret_name"):
+            continue
+        if profile == HUB and given.get("observability_allowed_networks"):
+            told = "whoever is in observability_allowed_networks reads and writes at the hub, and nothing is encrypted"
+            yield Problem(place, f"is empty: {told}; docs/observability.md, Certificates, has how to close it")
+        if profile == ROBOT and _https(given):
+            yield Problem(place, "is empty: the hub is shown no certificate, and has to have one of a public authority")
+
+
+def _watched(there: Inventory) -> Iterator[tuple[str, Said, bool]]:
+    """Of each cluster with the stack the host that carries its variables: its path, what is sound of them, and whether
+    it is a robot alone."""
     alone = [robot for robot, mode in there.modes.items() if mode == "standalone"]
-    for host in [*edge_servers(there.groups)[:1], *alone]:  # of each cluster the one that carries its variables
+    for host in [*edge_servers(there.groups)[:1], *alone]:
         given = {name: value for name, value in there.hosts.get(host, {}).items() if there.sound(host, name)}
         if (given.get("observability") or {}).get("enabled"):
-            yield from _observability(f"hosts.{host}", given, host in alone)
+            yield f"hosts.{host}", given, host in alone
+
+
+def _https(given: Said) -> bool:
+    return str(given.get("observability_hub_url")).startswith("https://")
 
 
 def _groups(there: Inventory) -> Iterator[Problem]:
@@ -131,6 +155,9 @@ def _observability(path: str, given: Said, alone: bool) -> Iterator[Problem]:
             yield Problem(f"{path}.observability_profile", "is 'robot' for a cluster of several hosts", allowed)
         elif not given.get("observability_hub_url"):
             yield Problem(f"{path}.observability_hub_url", "is missing", "the hub's address, such as http://192.0.2.10")
+        elif given.get("observability_tls_secret_name") and not _https(given):
+            found = "is http, although observability_tls_secret_name is set"
+            yield Problem(f"{path}.observability_hub_url", found, "https: a hub with certificates speaks nothing else")
     if given.get("observability_profile") == HUB and not given.get("observability_allowed_networks"):
         wanted = "the robots' networks: a hub takes what these send, and asks for no password (0.0.0.0/0: everybody's)"
         yield Problem(f"{path}.observability_allowed_networks", "is empty", wanted)

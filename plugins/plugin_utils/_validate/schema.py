@@ -83,7 +83,6 @@ FORMS: dict[str, object] = {
     **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in LOGIN], kind_of(Filled)),
     **{f"observability{end}": text("retention") for end in (
         ".prometheus.scrape_interval", ".prometheus.evaluation_interval", ".prometheus.retention", ".loki.retention",
-        "_out_of_order_window",
     )},
     **{f"observability{end}": SIZE for end in (
         ".grafana.persistence.size", ".loki.persistence.size", "_prometheus_size", "_store_size",
@@ -93,6 +92,7 @@ FORMS: dict[str, object] = {
     )},
     **{f"observability_images.{part}": text("image") for part in all_options()["observability_images"]["options"]},
     "observability_hub_url": or_empty("hub-url"),
+    "observability_tls_secret_name": or_empty("dns-name"),
     "observability_allowed_networks[]": text("network"),
     "observability_log_shipper": words("otelcol, which took promtail's place and its labels, or none"),
 }  # fmt: skip

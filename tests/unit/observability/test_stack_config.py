@@ -221,9 +221,9 @@ def test_a_robots_own_cluster_names_the_robot() -> None:
     assert {"type": "add", "field": "resource.robot", "value": "robot2"} in operators
 
 
-@pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])
-def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
-    storage = config("scrape", full({"profile": profile})).get("storage", {})
+@pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "14d")])
+def test_a_hub_takes_samples_as_old_as_it_keeps_them(profile: str, window: str | None) -> None:
+    storage = config("scrape", full({"profile": profile, "prometheus": {"retention": "14d"}})).get("storage", {})
     assert storage.get("tsdb", {}).get("out_of_order_time_window") == window
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,6 +19,7 @@ OFF = {"metadata": {"name": "robot1"}, "status": {"conditions": [{"type": "Ready
 OPTIONS = {name: option.get("default") for name, option in role_options("observability").items()}
 DEFAULTS: dict[str, Any] = {**OPTIONS, **fleet_of(robot())}
 CLAIMS = "/api/v1/namespaces/observability/persistentvolumeclaims"
+SECRETS = "/api/v1/namespaces/observability/secrets"
 
 
 class Task(Protocol):
@@ -41,6 +43,12 @@ def _waited(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
 
     monkeypatch.setattr(_observability_stack, "wait_for_rollout", wait)
     return found
+
+
+def certificate(said: str) -> dict[str, Any]:
+    texts = {"tls.crt": f"certificate {said}", "tls.key": f"key-of {said}", "ca.crt": "authority"}
+    data = {name: base64.b64encode(text.encode()).decode() for name, text in texts.items()}
+    return {"apiVersion": "v1", "kind": "Secret", "type": "kubernetes.io/tls", "metadata": {}, "data": data}
 
 
 def test_all_of_it_is_applied_once_and_waited_for(server: Server, stack: Task, waited: list[set[str]]) -> None:
@@ -74,6 +82,24 @@ def test_a_part_that_is_switched_off_is_taken_away_but_not_its_claim(server: Ser
     assert stack(observability={"loki": {"enabled": False}})["changed"]
     assert server.find(deployment) is None
     assert server.find(f"{CLAIMS}/loki")
+
+
+def test_certificates_have_to_be_there_and_another_one_restarts_who_reads_it_once(server: Server, stack: Task) -> None:
+    named = {"observability_tls_secret_name": "telemetry-tls"}
+    result = stack(**named)
+    assert (result["failed"], server.writes) == (True, [])
+    assert "the Secret telemetry-tls in the namespace observability has no tls.crt" in result["msg"]
+    for name in ("telemetry-tls", "telemetry-tls-shipper"):
+        server.put(f"{SECRETS}/{name}", certificate("one"))
+    assert stack(**named)["changed"]
+    assert not stack(**named)["changed"]
+    other = server.put(f"{SECRETS}/telemetry-tls", certificate("another"))
+    changed = stack(**named)["diff"]
+    assert [one["before_header"] for one in changed] == [
+        "Deployment observability/loki",
+        "Deployment observability/grafana",
+    ]
+    assert [text for text in other["data"].values() if text in str(changed)] == []
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,39 @@ def test_what_must_pass(case: dict[str, Any]) -> None:
     assert report.fleet is not None
 
 
+HUB = {"observability_profile": "hub", "observability_allowed_networks": ["192.0.2.0/24"]}
+REPORTS = {"robot_mode": "standalone", "observability_profile": "robot", "observability_hub_url": "https://192.0.2.10"}
+CERTIFIED = {"observability_tls_secret_name": "telemetry-tls"}
+OPEN = (
+    "hosts.edge1.observability_tls_secret_name: is empty: whoever is in observability_allowed_networks reads and "
+    "writes at the hub, and nothing is encrypted; docs/observability.md, Certificates, has how to close it"
+)
+PUBLIC = (
+    "hosts.robot1.observability_tls_secret_name: is empty: the hub is shown no certificate, and has to have one of a "
+    "public authority"
+)
+
+
+@pytest.mark.parametrize(
+    ("edge", "robot", "told"),
+    [
+        (HUB, {}, [OPEN]),
+        ({}, REPORTS, [PUBLIC]),
+        ({}, {**REPORTS, "observability_hub_url": "http://192.0.2.10"}, []),
+        ({**HUB, **CERTIFIED}, {**REPORTS, **CERTIFIED}, []),
+    ],
+)
+def test_a_hub_that_asks_nobody_who_he_is_is_warned_of(
+    edge: dict[str, Any], robot: dict[str, Any], told: list[str]
+) -> None:
+    hosts = {
+        "edge1": {"observability": {"enabled": True}, **edge},
+        "robot1": {"observability": {"enabled": True}, **robot},
+    }
+    report = check_fleet({"edge": ["edge1"], "robots": ["robot1"]}, hosts)
+    assert ([one.line() for one in report.problems], [one.line() for one in report.warnings]) == ([], told)
+
+
 BATTERY = {"update_when": [{"topic": "/battery", "field": "percentage", "above": 0.4}]}
 
 
