@@ -158,8 +158,10 @@ def _containers(pod: Object) -> Sequence[Object]:
 
 def is_in(wanted: Any, there: Any) -> bool:
     """Whether all that is wanted is there; what is there besides are defaults, or somebody else's."""
-    if isinstance(wanted, Mapping):
-        found = there if isinstance(there, Mapping) else {}
+    if wanted == there:  # most parts are: nothing below them has to be looked at one by one
+        return True
+    if isinstance(wanted, dict):
+        found = there if isinstance(there, dict) else {}
         return all(is_in(value, found.get(key)) for key, value in wanted.items())
     if isinstance(wanted, (list, tuple)):
         return _are_in(list(wanted), list(there or ()))
@@ -167,7 +169,7 @@ def is_in(wanted: Any, there: Any) -> bool:
 
 
 def _are_in(wanted: list[Any], there: list[Any]) -> bool:
-    known = next((key for key in IDENTITIES if all(isinstance(one, Mapping) and key in one for one in wanted)), "")
+    known = next((key for key in IDENTITIES if all(isinstance(one, dict) and key in one for one in wanted)), "")
     if not (wanted and known):
         return len(wanted) == len(there) and all(map(is_in, wanted, there))
     found = {one.get(known): one for one in there}

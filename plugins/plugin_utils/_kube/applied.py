@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64decode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
@@ -119,7 +119,7 @@ def without_fields(value: Any, fields: Fields) -> Any:
 
 def _with_each(value: Any, fields: Fields, each: Callable[[Any, Fields | None], list[Any]]) -> Any:
     """The value with what `each` makes of each entry (or no entry), from what the fields say of it, if anything."""
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return {name: new for name, item in value.items() for new in each(item, fields.get(f"f:{name}"))}
     if isinstance(value, list):
         owned = [(item, next((inner for key, inner in fields.items() if _names(key, item)), None)) for item in value]
@@ -170,7 +170,7 @@ def _own(obj: Object, manager: str) -> Object | None:
 
 def _names(key: str, item: Any) -> bool:
     """Whether this key of FieldsV1 means this entry of a list. Keys that have a default may be missing in ours."""
-    if key.startswith("k:") and isinstance(item, Mapping):
+    if key.startswith("k:") and isinstance(item, dict):
         keys = json.loads(key[2:])
         return any(name in item for name in keys) and all(item.get(name, text) == text for name, text in keys.items())
     return key.startswith("v:") and bool(json.loads(key[2:]) == item)
@@ -186,7 +186,7 @@ def _beside(fields: Fields, wanted: Any, there: Any) -> Fields:
         if ours is None:
             found[key] = inner
         elif not inner:
-            found |= {key: inner} if isinstance(ours, Mapping) and ours != now else {}
+            found |= {key: inner} if isinstance(ours, dict) and ours != now else {}
         elif rest := _beside(inner, ours, now):
             found[key] = rest
     return found
@@ -195,7 +195,7 @@ def _beside(fields: Fields, wanted: Any, there: Any) -> Fields:
 def _at(value: Any, key: str) -> Any:
     """What a key of FieldsV1 means in a value; None for nothing."""
     if key.startswith("f:"):
-        return value.get(key[2:]) if isinstance(value, Mapping) else None
+        return value.get(key[2:]) if isinstance(value, dict) else None
     return next((item for item in value if _names(key, item)), None) if isinstance(value, (list, tuple)) else None
 
 

@@ -101,13 +101,13 @@ def _line(begin: str, item: Object, paths: Iterable[str]) -> str:
 def _flat(value: Any) -> str:
     """In one line."""
     if isinstance(value, (list, tuple)):
-        return " | ".join(f"{one['key']}:{one['path']}" if isinstance(one, Mapping) else _flat(one) for one in value)
+        return " | ".join(f"{one['key']}:{one['path']}" if isinstance(one, dict) else _flat(one) for one in value)
     return (str(value).lower() if isinstance(value, bool) else str(value)).replace("\n", "\\n")
 
 
 def _at(item: Any, path: str) -> Any:
     for key in path.split("."):
-        item = item.get(key) if isinstance(item, Mapping) else None
+        item = item.get(key) if isinstance(item, dict) else None
     return item
 
 

@@ -88,7 +88,9 @@ def _of_app(app: App, robot: Robot) -> Iterator[Object]:
 
 
 def _scraped(app: App, robot: Robot) -> list[int]:
-    """Where its metrics are asked for, as `_observability/scrape.yml.j2` has it."""
+    """Where its metrics are asked for, as `_observability/scrape.yml.j2` has it. Only overrides can say that."""
+    if not app.overrides:
+        return []
     template = app_deployment(app, robot)["spec"]["template"]
     notes = template["metadata"]["annotations"]
     if notes.get("prometheus.io/scrape") != "true":

@@ -133,6 +133,10 @@ def rendered(robot: Robot) -> Desired:
     return found
 
 
+def keeper_key(robot: Robot) -> Key:
+    return context.master_namespace(robot), KEEPER
+
+
 def all_of(desired: Desired) -> list[Object]:
     return [item for objects in desired.values() for item in objects]
 
@@ -161,7 +165,7 @@ def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, dr
     ]  # fmt: skip
     if request.to:
         return Plan(_back(there, asked, request))
-    known = {key_of(item) for item in deployments_of([*all_of(desired), *keeper_objects(robot)])}
+    known = {*map(key_of, deployments_of(all_of(desired))), keeper_key(robot)}
     orphans = sorted(key[1] for key in running if key not in known and key[1] != EXPORTER)
     plan = _with_removals(Plan(there.steps(asked), orphans, _exporters(live, request)), robot, live, request)
     return replace(plan, remnants=[*plan.remnants, *_policies(robot, live, request, plan.orphans)])
@@ -382,14 +386,14 @@ def _with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pl
     # a master of its own, of a robot that has another one by now
     left = NAMES if robot.master.mode != "robot" else ()
     stays = {"", *wanted, *(set(SERVING) - {*left})}
-    shows = {*map(key_of, keeper_objects(robot))}  # of an external master, by a name that a keeper may have had
+    shows = keeper_key(robot)  # of an external master, by a name that a keeper may have had
 
     def goes(item: Object) -> bool:
         app = app_of(item) or files_owner(item)[1]
         ours = item["metadata"]["namespace"] == robot.namespace and app not in stays
         return ours and (ALL in request.remove or app in request.remove)
 
-    going = [item for item in live.deployments if goes(item) and key_of(item) not in shows]
+    going = [item for item in live.deployments if goes(item) and key_of(item) != shows]
     if going and ALL in request.remove and not robot.apps:
         raise SpecError(
             f"the inventory has no app for {robot.name}, and update_remove_apps is {ALL}: if it is to have none, name "

@@ -217,11 +217,10 @@ def _of_mapping(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Pro
     """Mappings are closed: a key that nobody reads is a mistake that nobody would see."""
     known: Mapping[str, Key] = kind.inner
     for name, key in known.items():
-        where = join_path(path, name)
         if name in value:
-            yield from _wrong(value[name], key.kind.said, where)
+            yield from _wrong(value[name], key.kind.said, join_path(path, name))
         elif key.required:
-            yield Problem(where, "is missing", allowed(key.kind.said))
+            yield Problem(join_path(path, name), "is missing", allowed(key.kind.said))
     for name in set(value) - set(known) if OPEN not in kind.notes else ():
         told = "a variable of the collection's documentation"
         if len(known) < 30:

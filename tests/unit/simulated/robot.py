@@ -191,6 +191,7 @@ class SimulatedRobot:
     """Everything that goes on by itself. `invariants` is called after every event that changed something."""
 
     def __init__(self) -> None:
+        HASHES.clear()
         self.time = 0.0
         self.queue: list[tuple[float, int, Callable[[], None]]] = []
         self.count = self.version = 0
@@ -403,7 +404,10 @@ class SimulatedRobot:
             self.later(PROBE, lambda: self.probe(pod, start))
             return
         why = self.unready(pod)
-        pod.hopeless = why if why.startswith("cannot") else ""
+        hopeless = why if why.startswith("cannot") else ""
+        if hopeless != pod.hopeless:
+            pod.hopeless = hopeless
+            self.changed()
         if why:
             self.later(PROBE, lambda: self.probe(pod, start))
             return
@@ -669,6 +673,7 @@ class SimulatedRobot:
 
 NO_MAP = {"data": {"contract.json": "{}", "history.json": "[]"}}
 LETTERS = "bcdfghjklmnpqrstvwxz2456789"  # apimachinery's SafeEncodeString
+HASHES: dict[int, tuple[Object, str]] = {}  # of templates, which nobody changes in place
 INFRASTRUCTURE = (names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_NAME)
 
 
@@ -682,8 +687,13 @@ def labels_of(pod: Pod) -> dict[str, str]:
 
 def kubernetes_hash(deployment: Object) -> str:
     """The label pod-template-hash, with its letters."""
-    number = zlib.crc32(json.dumps(deployment["spec"]["template"], sort_keys=True).encode())
-    return "".join(LETTERS[ord(digit) % len(LETTERS)] for digit in str(number))
+    template = deployment["spec"]["template"]
+    known, said = HASHES.get(id(template), (None, ""))
+    if known is not template:
+        number = zlib.crc32(json.dumps(template, sort_keys=True).encode())
+        said = "".join(LETTERS[ord(digit) % len(LETTERS)] for digit in str(number))
+        HASHES[id(template)] = template, said
+    return said
 
 
 def node_in_pod(deployment: Object) -> str:

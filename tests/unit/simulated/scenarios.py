@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,6 +19,8 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation
 
 OLD = image("good", 0)
+ALL = bool(os.environ.get("ROSOPS_TEST_ALL"))  # what takes minutes, too
+EVERY = 1 if ALL else 3  # of the calls at which a run may be cut off
 
 
 APP_VERSIONS = (
@@ -114,6 +117,13 @@ def outcome_of(sim: Simulation, wanted: Robot, fault: str = "", at: int = 0, **m
 
 def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
     return outcome_of(sim, wanted, **more), sim.engine
+
+
+def drawn(
+    points: Sequence[tuple[str, int]], share: int, turn: int, whole: Collection[str] = ()
+) -> list[tuple[str, int]]:
+    """One of every `share`, turned by `turn`; all of those with the faults in `whole`."""
+    return [point for number, point in enumerate(points, turn) if number % share == 0 or point[0] in whole]
 
 
 MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]

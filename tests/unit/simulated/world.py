@@ -80,7 +80,20 @@ FAULTS = (
     "cancelled", "cancelled-after", "lost-answer", "away-after", "half", "half-killed", "half-cancelled",
 )  # fmt: skip
 
+KILLS = ("killed", "half-killed")
 RESTARTED_APPS = "restarted"  # by hand, of which only apps that overlap feel nothing
+
+
+def points(calls: Sequence[str], faults: Sequence[str] = FAULTS) -> list[tuple[str, int]]:
+    """Faults, and the calls at which they can strike."""
+    return [(fault, at) for at, call in enumerate(calls, 1) for fault in faults if strikes(fault, call)]
+
+
+def strikes(fault: str, call: str) -> bool:
+    """Only an apply can be cut in half, and the API is not the robot, which goes away after its answer."""
+    if fault.startswith("half"):
+        return call == "apply"
+    return fault != "away-after" or call not in CLUSTER_CALLS
 
 
 class Killed(BaseException):
@@ -475,9 +488,9 @@ def pod_object(pod: Pod) -> Object:
 def with_note(spec: dict[str, Any], before: Mapping[str, Any] | None) -> dict[str, Any]:
     """What we apply, with the note of another manager on the pod's template that was there before."""
     noted = ((before or {}).get("spec") or {}).get("template", {}).get("metadata", {}).get("annotations") or {}
-    template = copy.deepcopy(spec["template"])
-    template["metadata"].setdefault("annotations", {}).update({k: v for k, v in noted.items() if k == RESTARTED})
-    return {**spec, "template": template}
+    template, kept = spec["template"], {key: text for key, text in noted.items() if key == RESTARTED}
+    annotations = {**(template["metadata"].get("annotations") or {}), **kept}
+    return {**spec, "template": {**template, "metadata": {**template["metadata"], "annotations": annotations}}}
 
 
 def field_set(item: Object) -> dict[str, Any]:
@@ -568,8 +581,10 @@ class SimulatedCluster:
             end, well = sim.time + timeout, FOREVER
             for pod in sim.pods:
                 self.earlier.setdefault(pod.uid, pod.restarts if pod.ready else 0)
+            rows, seen = list[tuple[str, str]](), -1
             while True:
-                rows = [self.verdict(item, whole, begun) for item in objects]
+                if sim.version != seen:
+                    rows, seen = [self.verdict(item, whole, begun) for item in objects], sim.version
                 bad = [why for verdict, why in rows if verdict == FAIL]
                 there = all(verdict == PASS for verdict, _why in rows)
                 well = min(well, sim.time) if there else FOREVER

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,18 +14,21 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import step_id
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, marked, planned
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import START, STOP, VERSIONS, Goal, Process, image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
+    ALL,
+    EVERY,
     INFRASTRUCTURE,
     MATRIX,
     OLD,
     SCENARIOS,
     begin,
+    drawn,
     outcome_of,
     run_of,
     running,
@@ -34,20 +36,26 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
 )
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     DAY,
-    FAULTS,
+    KILLS,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
+    points,
 )
+
+# of what is drawn; all of it takes minutes
+SHARE = 1 if ALL else 13
+BACKS = 8 if ALL else 29
+DEAD = 3 * 3600.0 if ALL else 3600.0  # the keeper waits for minutes at most
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
 def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
     sim, wanted = begin(name, "good")
     sim.run(wanted, settings(soak=0.0))
-    for at in range(1, len(sim.calls) + 1):
+    for fault, at in points([*sim.calls], ["half-killed"]):
         sim, wanted = begin(name, "good")
-        sim.run(wanted, settings(soak=0.0), "half-killed", at)
+        assert sim.run(wanted, settings(soak=0.0), fault, at) is None
         step = [app.name for app in wanted.apps]
         if any(sim.promised(place, app).get("proven") for _kind, place, _name in [*sim.objects] for app in step):
             assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
@@ -61,8 +69,8 @@ def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
 @pytest.mark.parametrize("name", ["overlap", "drain", "replace", "group"])
 def test_another_version_after_a_run_that_was_cut_off(name: str) -> None:
     """It has to do what the last proven one did, whatever the one between them left of the graph."""
-    for between in ("good", "half-the-rate"):
-        for at in range(1, 26):
+    for turn, between in enumerate(("good", "half-the-rate"), [*SCENARIOS].index(name)):
+        for at in range(1 + turn % EVERY, 26, EVERY):
             sim, wanted = begin(name, between)
             sim.run(wanted, settings(), "killed", at)
             bad = SCENARIOS[name].robot(image("half-the-rate", 2))
@@ -70,10 +78,13 @@ def test_another_version_after_a_run_that_was_cut_off(name: str) -> None:
 
 
 def test_a_new_app_is_there_or_gone() -> None:
-    for version, word in (("good", "updated"), ("crashes-at-once", "rolled-back"), ("never-connects", "rolled-back")):
-        for fault, at in [("", 1), *(("killed", at) for at in range(1, 15)), *(("half", at) for at in range(1, 15))]:
+    words = {"good": "updated", "crashes-at-once": "rolled-back", "never-connects": "rolled-back"}
+    for turn, (version, word) in enumerate(words.items()):
+        sim, _wanted = begin("overlap", "good")
+        wanted = robot(app("sensor", OLD), app("driver", image(version), pattern=None))
+        sim.run(wanted, settings())
+        for fault, at in [("", 1), *drawn(points(sim.calls[:14], ["killed", "half"]), EVERY, turn, ["half"])]:
             sim, _wanted = begin("overlap", "good")
-            wanted = robot(app("sensor", OLD), app("driver", image(version), pattern=None))
             sim.run(wanted, settings(), fault, at)
             sim.restore()
             last = [outcome_of(sim, wanted).outcome for _time in range(2)][-1]
@@ -163,7 +174,10 @@ def test_an_undo_by_hand_makes_nothing_new_of_what_works(
     assert outcome_of(sim, replace(better, apps=(*better.apps, *robot(*beside).apps))).outcome == "updated"
 
 
-@pytest.mark.parametrize("second", ["killed", "cancelled", "api-gone", "time-out"])
+SECOND = ("killed", "cancelled", "api-gone", "time-out")
+
+
+@pytest.mark.parametrize("second", SECOND)
 @pytest.mark.parametrize("name", ["overlap", "drain"])
 def test_a_refused_apply_and_then_more_leaves_what_works_known(name: str, second: str) -> None:
     """The old version gets a mark on the way back: never without what says that it was proven."""
@@ -175,7 +189,7 @@ def test_a_refused_apply_and_then_more_leaves_what_works_known(name: str, second
     refused = first.calls.index("apply", began) + 1
     first, _wanted = installed(name)
     first.run(wanted, settings(), "refused", refused)
-    for at in range(refused + 1, len(first.calls) + 1):
+    for at in range(refused + 1 + SECOND.index(second) % EVERY, len(first.calls) + 1, EVERY):
         sim, _wanted = installed(name)
         sim.run(wanted, settings(), "refused", refused, (at, second))
         assert "refused at apply" in "".join(sim.said)
@@ -531,10 +545,6 @@ UNSEEN = ("good", "crashes-once", "hangs")  # what is ready stays for the next r
 ALONE = [(name, version) for name, version in MATRIX if version not in UNSEEN and name not in INFRASTRUCTURE]
 
 
-# all of it takes minutes: that is for ROSOPS_TEST_ALL
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 13
-
-
 @pytest.mark.parametrize(("name", "version"), ALONE)
 def test_a_refused_version_stays_refused_without_anybody(name: str, version: str) -> None:
     """The control node dies anywhere and stays dead for hours: the old version serves, and then one run converges."""
@@ -542,34 +552,33 @@ def test_a_refused_version_stays_refused_without_anybody(name: str, version: str
     sim.run(wanted, settings())
     apps = [app.name for app in wanted.apps]
     # one call of every SHARE, turned by one from version to version
-    for at in range(1 + ALONE.index((name, version)) % SHARE, len(sim.calls) + 1, SHARE):
-        for fault in ("killed", "half-killed"):
-            sim, wanted = begin(name, version)
-            old = {app: running(sim, app) for app in apps}
-            sim.skew = (-DAY, 0.0, DAY)[at % 3]
-            sim.run(wanted, settings(), fault, at)
-            sim.advance(3 * 3600.0)
-            assert {app: running(sim, app) for app in apps} == old, (fault, at)
-            assert outcome_of(sim, wanted).outcome == "rolled-back", (fault, at)
-            assert {app: running(sim, app) for app in apps} == old, (fault, at)
+    for fault, at in drawn(points([*sim.calls], KILLS), SHARE, ALONE.index((name, version))):
+        sim, wanted = begin(name, version)
+        old = {app: running(sim, app) for app in apps}
+        sim.skew = (-DAY, 0.0, DAY)[at % 3]
+        assert sim.run(wanted, settings(), fault, at) is None
+        sim.advance(DEAD)
+        assert {app: running(sim, app) for app in apps} == old, (fault, at)
+        assert outcome_of(sim, wanted).outcome == "rolled-back", (fault, at)
+        assert {app: running(sim, app) for app in apps} == old, (fault, at)
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
 def test_the_way_back_by_request(name: str) -> None:
-    back, calls, share = Request(to="previous"), range(1, 16), 8 if SHARE == 1 else 15
-    for fault, at in [
-        ("", 1),
-        *((fault, at) for fault in FAULTS for at in calls if (at + FAULTS.index(fault)) % share == 0),
-    ]:
+    def back(fault: str = "", at: int = 0) -> tuple[Simulation, RobotOutcome | None]:
         sim, wanted = begin(name, "good")
         assert outcome_of(sim, wanted).outcome == "updated"
-        found = sim.run(wanted, settings(request=back), fault, at)
-        if not fault:
-            assert found and found.outcome == "updated"
-            assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged"
+        return sim, sim.run(wanted, settings(request=Request(to="previous")), fault, at)
+
+    sim, found = back()
+    assert found and found.outcome == "updated"
+    calls, old = [*sim.calls], SCENARIOS[name].robot(OLD)
+    assert outcome_of(sim, old).outcome == "unchanged"
+    for fault, at in drawn(points(calls), BACKS, [*SCENARIOS].index(name)):
+        sim, _found = back(fault, at)
         sim.restore()
-        assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome in ("updated", "unchanged"), (fault, at)
-        assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged", (fault, at)
+        assert outcome_of(sim, old).outcome in ("updated", "unchanged"), (fault, at)
+        assert outcome_of(sim, old).outcome == "unchanged", (fault, at)
 
 
 @pytest.mark.parametrize(

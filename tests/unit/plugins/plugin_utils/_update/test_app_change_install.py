@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from typing import Any
 
@@ -19,10 +18,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, SimulatedCluster, Simulation
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, drawn
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedCluster, Simulation, points
 
 GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 15
+SHARE = 1 if ALL else 15
 NAMESPACE = "robot-robot1"
 VOLUME = {"name": "logs"}
 
@@ -114,10 +114,7 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
 def test_whatever_ends_it_one_more_run_is_enough(of: Robot) -> None:
     sim = Simulation()
     outcome(sim, of)
-    points = [(fault, at) for at in range(1, len(sim.calls) + 1) for fault in FAULTS]
-    for number, (fault, at) in enumerate(points):
-        if number % SHARE and fault not in ("killed", "half-killed"):
-            continue
+    for fault, at in drawn(points([*sim.calls]), SHARE, len(of.apps), KILLS):
         sim = Simulation()
         # what was cut off is no version to go back to, and nothing is asked: another one is wanted by now
         first = wanted(BAD) if fault == "killed" and of is ROBOT else of

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from typing import Any
 
@@ -17,10 +16,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, planned
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import VERSIONS, image
-from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, outcome_of, settings
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, SimulatedHost, Simulation
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, OLD, drawn, outcome_of, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedHost, Simulation, points
 
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
+SHARE = 1 if ALL else 16
 ALL = Request(remove=("all",))
 SENSOR = app("sensor", OLD)
 WHOLE = {
@@ -77,10 +76,7 @@ def test_whatever_ends_it_one_more_run_is_enough(kind: str) -> None:
     gone = KINDS[kind]
     sim, wanted = fleet(gone)
     ended(sim, wanted)
-    points = [(fault, at) for at in range(1, len(sim.calls) + 1) for fault in FAULTS]
-    for number, (fault, at) in enumerate(points):
-        if number % SHARE and fault not in ("killed", "half-killed"):
-            continue
+    for fault, at in drawn(points([*sim.calls]), SHARE, [*KINDS].index(kind), KILLS):
         sim, wanted = fleet(gone)
         sim.run(wanted, settings(request=ALL), fault, at)
         sim.restore()

@@ -8,7 +8,6 @@ the next run has to bring the robot to where a run without one would have brough
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,24 +26,33 @@ from ansible_collections.rosops.fleet.tests.unit.simulated import world
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
+    ALL,
     INFRASTRUCTURE,
     MATRIX,
     OLD,
     SCENARIOS,
     begin,
+    drawn,
     outcome_of,
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, RESTARTED_APPS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
+    FAULTS,
+    KILLS,
+    RESTARTED_APPS,
+    Simulation,
+    points,
+    strikes,
+)
 from hypothesis import HealthCheck
 from hypothesis import settings as bounds
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 # all of it takes minutes: that is for ROSOPS_TEST_ALL
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 67
-PAIRS = 32 if os.environ.get("ROSOPS_TEST_ALL") else 1024
+SHARE = 1 if ALL else 79
+PAIRS = 32 if ALL else 2048
 
 
 def converge(sim: Simulation, wanted: Robot, version: str) -> None:
@@ -67,24 +75,33 @@ def faults_of(name: str, version: str) -> Sequence[str]:
     return FAULTS if apart or version == "hangs" else (*FAULTS, RESTARTED_APPS)
 
 
-def points(name: str, version: str, calls: Sequence[str]) -> list[tuple[str, int]]:
-    """Faults and calls at which they strike; one of every `SHARE`, turned by one from version to version."""
-    shift = MATRIX.index((name, version))
-    found = [(fault, at) for at in range(1, len(calls) + 1) for fault in faults_of(name, version)]
-    return [point for number, point in enumerate(found, shift) if number % SHARE == 0]
+def begins(phases: Sequence[str]) -> list[int]:
+    """The first call of each phase."""
+    return [at for at in range(1, len(phases) + 1) if at == 1 or phases[at - 1] != phases[at - 2]]
 
 
-def pairs(name: str, version: str, phases: Sequence[str]) -> list[tuple[str, int, tuple[int, str]]]:
+def in_each_phase(name: str, version: str, calls: Sequence[str], phases: Sequence[str]) -> list[tuple[str, int]]:
+    """A fault at the beginning of some phases: the versions of a scenario share those of their way back."""
+    versions, found = SCENARIOS[name].versions, list[tuple[str, int]]()
+    mine = begins(phases) if version == "good" else begins(phases)[versions.index(version) :: len(versions)]
+    for at in mine:
+        possible = [fault for fault in faults_of(name, version) if strikes(fault, calls[at - 1])]
+        found.append((possible[(MATRIX.index((name, version)) + at) % len(possible)], at))
+    return found
+
+
+def pairs(
+    name: str, version: str, calls: Sequence[str], phases: Sequence[str]
+) -> list[tuple[str, int, tuple[int, str]]]:
     """Two faults in one run: each pair, the first at a phase's first call, the second at one of the next six.
 
     One of every `PAIRS`. Of a run that was killed nothing is left that a second one could strike.
     """
-    firsts = [at for at in range(1, len(phases) + 1) if at == 1 or phases[at - 1] != phases[at - 2]]
     found = [
         (first, at, (at + 1 + number % 6, second))
         for number, (first, second) in enumerate(itertools.product(faults_of(name, version), repeat=2))
-        for at in firsts
-        if first not in ("killed", "half-killed")
+        for at in begins(phases)
+        if first not in KILLS and strikes(first, calls[at - 1])
     ]
     return found[MATRIX.index((name, version)) :: PAIRS]
 
@@ -96,7 +113,10 @@ def test_one_fault_at_every_call_and_two_in_one_run(name: str, version: str) -> 
     assert clean.outcome == ("updated" if version == "good" else "rolled-back"), clean
     calls, phases, wrong = [*sim.calls], [*sim.phases], []
     converge(sim, wanted, version)
-    one, two = points(name, version, calls), pairs(name, version, phases)
+    # one of every `SHARE`, turned by one from version to version
+    one = drawn(points(calls, faults_of(name, version)), SHARE, MATRIX.index((name, version)))
+    one += in_each_phase(name, version, calls, phases)
+    two = pairs(name, version, calls, phases)
     for faults in (*one, *two):
         sim, wanted = begin(name, version)
         try:
@@ -314,7 +334,7 @@ def test_steps_that_had_ended_before_it_waited_are_told_with_the_rest() -> None:
 
 # --- whoever works on it, and whatever happens to it ------------------------------------------------------------------
 
-EXAMPLES = 2000 if os.environ.get("ROSOPS_TEST_ALL") else 60
+EXAMPLES = 2000 if ALL else 60
 calls = st.integers(1, 20)
 faults = st.sampled_from(("", *FAULTS))
 

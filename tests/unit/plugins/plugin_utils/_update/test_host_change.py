@@ -7,7 +7,6 @@ word is held against what is there, never against what was said.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -31,18 +30,19 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed, app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import EPOCH, FOREVER
-from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, OLD, drawn, settings
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
-    FAULTS,
+    KILLS,
     Killed,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
+    points,
 )
 
 START = 20.0  # seconds until what was changed serves again
 BEAT = 10.0  # between two words of a kubelet
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 13
+SHARE = 1 if ALL else 13
 APPS = (
     app("sensor", OLD, placement="local"),
     app("planner", OLD, placement="local", pattern="action", readiness={"actions": ["plan"]}),
@@ -482,13 +482,10 @@ def test_every_fault_at_every_call(bad: dict[str, str]) -> None:
     """An outcome that is true, and the next run brings it to where it has to be."""
     clean = Site(bad)
     clean.change()
-    points = [(fault, at) for at in range(1, len(clean.calls) + 1) for fault in FAULTS]
-    for number, (fault, at) in enumerate(points):
-        if number % SHARE and fault != "killed":
-            continue
+    for fault, at in drawn(points([*clean.calls]), SHARE, len("".join(bad.values())), KILLS):
         site = Site(bad)
         found = site.change(fault, at)
-        assert (found is None) == (fault == "killed" or (fault == "half-killed" and clean.calls[at - 1] == "apply"))
+        assert (found is None) == (fault in KILLS)
         site.restore()
         site.holder = ""
         site.advance(60.0)
