@@ -13,6 +13,7 @@ from ...module_utils._step.objects import Object
 from .._model.merge import deep_merge
 from .._objects import common
 from .._objects.common import annotate, made, object_labels, owner_labels, pod_selector
+from .._objects.network import blocks, ingress_policy, tcp
 from .._objects.placement import node_selector
 from .configs import FOLDERS, config, web_config, yaml_text
 from .files import Files
@@ -182,12 +183,10 @@ def _objects(name: str, spec: Spec, given: Object, maps: Maps) -> Iterator[Objec
         yield make("v1", "Service", name, spec=body)
         # Grafana alone asks for a password; what the others have, and take, is for parts of the stack
         pods: Object = {"namespaceSelector": {}} if name == "grafana" else {"podSelector": {}}
-        outside = [{"ipBlock": {"cidr": one}} for one in spec["allowed_networks"]] if open_port is not None else []
+        outside = blocks(spec["allowed_networks"]) if open_port is not None else []
         if outside or name != "grafana":
-            rule = {"from": [pods, *outside], "ports": [{"port": port, "protocol": "TCP"}]}
-            selector = {"matchLabels": {"rosops.fleet/app": name}}
-            body = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [rule]}
-            yield make("networking.k8s.io/v1", "NetworkPolicy", name, spec=body)
+            rule = {"from": [pods, *outside], "ports": [tcp(port)]}
+            yield ingress_policy(name, NAMESPACE, labels, {"rosops.fleet/app": name}, [rule])
 
 
 def _pod(name: str, given: Object, tls_secret: str) -> Object:
