@@ -7,7 +7,7 @@ is none is what that task says of the cluster.
 `volumes` and `images` name the variables in which every host has the registered result of a task: what `du -sb` printed
 of the directories of its volumes, and what `k3s crictl images -o json` did.
 
-`graphs` of the result are the ROS graphs to read, and `read` what keepers have read of them.
+`graphs` of the result are the ROS graphs to read. With the option `graphs`, `read` is what keepers have read of them.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class ActionModule(ClusterAction):
         "volumes": {"type": "str", "default": ""},
         "images": {"type": "str", "default": ""},
         "access_only": {"type": "bool", "default": False},
+        "graphs": {"type": "bool", "default": False},
     }
 
     def work(self, params: Arguments, known: Variables) -> Result:
@@ -71,8 +72,9 @@ class ActionModule(ClusterAction):
         problems = (*look.cluster_problems(mute, hosts), *look.unmeasured(results), *old)
         status = replace(found, hosts=tuple(host.row for host in hosts), problems=problems)
         seen = look.Look(status, look.graphs_to_read(hosts, services, found.apps), fleet.name)
-        result = {"changed": False, **plain(seen), "read": look.read_by_keepers(seen.graphs, hosts, opened)}
-        return {**result, "_ansible_verbose_override": True}  # -v has tables of it, not thousands of lines of JSON
+        read = look.read_by_keepers(seen.graphs, hosts, opened) if params["graphs"] else {}
+        # -v has tables of it, not thousands of lines of JSON
+        return {"changed": False, **plain(seen), "read": read, "_ansible_verbose_override": True}
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:

@@ -56,6 +56,7 @@ class Memory:
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
     silent: dict[str, float] = field(default_factory=dict)  # node -> first look in vain, since when all were
     unsure: set[str] = field(default_factory=set)  # nodes that were given back what they had, and did not say a word
+    left: set[str] = field(default_factory=set)  # nodes of which the master had nothing when it was looked at last
 
     # ---- what is there
 
@@ -89,6 +90,7 @@ class Memory:
         for table in (self.missed, self.suspects, self.seen, self.silent):
             table.pop(node, None)
         self.unsure.discard(node)
+        self.left.discard(node)
 
     # ---- what the master has lost
 
@@ -98,6 +100,8 @@ class Memory:
         """
         need = registrations.missing(self.nodes, present)
         self.missed = {node: self.missed.get(node, now) for node in need}
+        if not at_once:
+            self.left = need.keys() - present.keys()
         due = {}
         for node, entry in need.items():
             there = present.get(node)
@@ -119,9 +123,11 @@ class Memory:
         """The calls that bring back what was lost. What a node says it no longer has is over, and what the dead had.
 
         Unless the master was `restarted` just then: the dead did not leave, so they are remembered as removed.
-        `late`: who does not answer gets back what it had, until it says what it has.
+        `late`: who does not answer gets back what it had, until it says what it has. Not who had left before: its pod
+        may be gone, and then nobody answers for it ever.
         """
-        calls = registrations.restore(need, present, answers, late)
+        asked = {node: answer for node, answer in answers.items() if not (late and self._may_be_gone(node, answer))}
+        calls = registrations.restore(need, present, asked, late)
         restored = {(call.kind, call.node, call.name) for call in calls}
         for node, entry in need.items():
             answer = answers.get(node)
@@ -138,6 +144,9 @@ class Memory:
 
             self._keep_only(node, stays)
         return calls
+
+    def _may_be_gone(self, node: str, answer: Liveness) -> bool:
+        return node in self.left and answer.verdict == registrations.UNKNOWN
 
     def _keep_only(self, node: str, stays: Callable[[str, str], bool]) -> None:
         self.nodes[node] = self.nodes[node].only(stays)
@@ -228,6 +237,7 @@ class Memory:
         return {
             "master": list(self.master),
             "boot": self.boot,
+            "left": sorted(self.left),
             "nodes": {node: entry.as_dict() for node, entry in sorted(self.nodes.items())},
             # without the times: no clock that nobody sets outlives a reboot
             "removed": {node: [entry.as_dict()] for node, (entry, _at) in sorted(self.removed.items())},
@@ -242,6 +252,7 @@ def from_dict(data: Any, now: float) -> Memory:
             str(data.get("boot", "")),
             {node: registrations.from_dict(entry) for node, entry in data["nodes"].items()},
             {node: (registrations.from_dict(entry), now) for node, (entry,) in data["removed"].items()},
+            left=set(map(str, data.get("left", ()))),
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         return Memory()

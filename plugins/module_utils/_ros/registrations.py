@@ -163,13 +163,21 @@ def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness], 
     """Calls that register what is missing of nodes that live, and have it by their own word.
 
     Registering the old address of a name that a newer process has would make the master shut that one down.
-    `late`: and all that is missing of nodes that may only be late, see `denied`.
+    `late`: and all that is missing of nodes that may only be late, see `denied`; but no service that somebody else has:
+    the master would take it from that one.
     """
     asked = {node: entry for node, entry in need.items() if present.get(node, entry).uri == entry.uri}
     living = {node: entry for node, entry in asked.items() if node in answers and not alive(entry, answers[node])}
     found = {node: entry.only(partial(_has, answers[node])) for node, entry in living.items()}
-    silent = {node: entry for node, entry in asked.items() if node in answers and answers[node].verdict == UNKNOWN}
-    return _ordered({**found, **silent} if late else found)
+    if not late:
+        return _ordered(found)
+    served = {service for entry in (*found.values(), *present.values()) for service in entry.services}
+    silent = {
+        node: entry.only(lambda kind, name: kind != SERVICE or name not in served)
+        for node, entry in asked.items()
+        if node in answers and answers[node].verdict == UNKNOWN
+    }
+    return _ordered({**found, **silent})
 
 
 def denied(present: Snapshot, answers: Mapping[str, Liveness]) -> tuple[Call, ...]:

@@ -29,7 +29,7 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
-    found = run(_fleet_info, {"volumes": "usage", "images": "usage"}, given)
+    found = run(_fleet_info, {"volumes": "usage", "images": "usage", "graphs": True}, given)
     return {**found.pop("status"), **found, "asked": asked}
 
 

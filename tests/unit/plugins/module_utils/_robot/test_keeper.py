@@ -398,6 +398,23 @@ def test_a_pod_that_was_ended_meanwhile_gets_nothing_back(bench: Bench) -> None:
     assert set(bench.registered()) == {"/listener"}
 
 
+@pytest.mark.parametrize("keeper_too", [False, True])
+def test_who_left_before_the_master_did_gets_nothing_back(bench: Bench, keeper_too: bool) -> None:
+    """Its pod is gone, and a busy host says that late: as if it were late itself. A service would go to nobody."""
+    bench.steps(2)
+    del bench.ros.entries["/talker"]
+    bench.ros.verdicts["/talker"] = Liveness(UNKNOWN, "no answer")
+    bench.steps(20)
+    bench.ros.restart()
+    if keeper_too:
+        bench.start()
+    bench.steps(3)
+    assert set(bench.registered()) == {"/listener"}
+    del bench.ros.verdicts["/talker"]  # it was there all the time, and the master had lost it
+    bench.steps(AGAIN + 2)
+    assert set(bench.registered()) == {"/listener", "/talker"}
+
+
 def test_a_newer_process_of_a_late_nodes_name_keeps_it(bench: Bench) -> None:
     """The master would shut it down for the old address."""
     bench.steps(2)

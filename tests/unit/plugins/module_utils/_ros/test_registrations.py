@@ -77,6 +77,17 @@ def test_who_may_only_be_late_gets_back_what_it_had_where_that_is_asked_for() ->
     assert registrations.restore({"/n": TALKER}, {}, {"/n": Liveness(DEAD)}, late=True) == ()
 
 
+def test_a_service_is_not_taken_from_who_answers_for_one_who_is_late() -> None:
+    need = {"/m": replace(TALKER, uri=OTHER), "/n": TALKER}
+    answers = {"/m": YES, "/n": Liveness(UNKNOWN, "no answer")}
+    calls = registrations.restore(need, {}, answers, late=True)
+    assert [(call.node, call.name) for call in calls if call.kind == "service"] == [("/m", "/s")]
+    assert {call.name for call in calls if call.node == "/n"} == {"/a", "/b"}
+    there = {"/m": replace(TALKER, uri=OTHER)}
+    calls = registrations.restore({"/n": TALKER}, there, answers, late=True)
+    assert [call.name for call in calls] == ["/a", "/b"]
+
+
 @pytest.mark.parametrize(
     ("answer", "taken"),
     [
