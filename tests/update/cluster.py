@@ -236,11 +236,14 @@ class Hosts:
         command = [str(LAB), "host", "--lab", self.lab, host, word]
         subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)  # noqa: S603
 
+    def address(self, host: str) -> str:
+        return str(self._hosts[host]["ansible_host"])
+
     def ssh(self, host: str, command: str, text: str | None = None) -> str:
         """What a command, which reads this text, prints on a host."""
         known = self._hosts[host]
         words = ["ssh", "-i", known["ansible_ssh_private_key_file"], *shlex.split(known["ansible_ssh_common_args"])]
-        words += ["-o", "ConnectTimeout=10", f"{known['ansible_user']}@{known['ansible_host']}", command]
+        words += ["-o", "ConnectTimeout=10", f"{known['ansible_user']}@{self.address(host)}", command]
         done = subprocess.run(words, input=text, capture_output=True, text=True, check=True, timeout=60)  # noqa: S603
         return done.stdout
 

@@ -73,6 +73,27 @@ def test_robot_that_says_no_is_left_alone_until_it_says_yes(fleet: Fleet) -> Non
     watch.assert_nothing_lost()
 
 
+def test_a_program_of_the_site_says_no_behind_a_url(fleet: Fleet) -> None:
+    """Here it looks whether a file is there: HTTP's 404 says no, and 200 says yes."""
+    port, before, watch = 8099, fleet.running(), fleet.watch()
+    url = f"http://{fleet.hosts.address('edge1')}:{port}/may-update"
+    serve = f"systemd-run --unit=says -p RuntimeMaxSec=600 python3 -m http.server {port} --directory /tmp/says"
+    fleet.hosts.ssh("edge1", f"mkdir -p /tmp/says && {serve}")
+    try:
+        wanted = fleet.new_version("robot1", "add-two-ints")
+        asked = fleet.changed("robot1", "add-two-ints", wanted, update={"when": [{"url": url}]})
+        run = fleet.update(asked, *LIMIT, update_on_busy="defer").must(2, robot1="deferred-busy")
+        assert url in run.host("robot1")["reason"], run
+        assert "404" in run.host("robot1")["reason"], run
+        fleet.assert_still_running(before, "robot1")
+        fleet.hosts.ssh("edge1", "touch /tmp/says/may-update")
+        fleet.update(asked, *LIMIT, update_on_busy="defer").must(0, robot1="updated")
+    finally:
+        fleet.hosts.ssh("edge1", "systemctl stop says; rm -r /tmp/says")
+    fleet.update(wanted, *LIMIT).must(0)
+    watch.assert_nothing_lost("robot1")
+
+
 # --- a robot that is off --------------------------------------------------------------------------------------------
 
 
