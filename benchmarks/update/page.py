@@ -58,6 +58,8 @@ the step, in the round's quiet beginning.
   trials did not count them, and the programs in C++ do not.
 * Completion and the longest goal are of those sent within {ACTION_SECONDS:g} s from the command, or until 5 s
   after its end if that is later. `fleet-no-hold` is fleet with `ros_master_goal_forwarding: false`.
+* `plain-before` and `fleet-before` are trials of the release before, which were made on another day. They are
+  judged by nothing above.
 """
 
 AGAIN = """## Run it again
@@ -112,10 +114,18 @@ def _measured(trials: Trials) -> list[str]:
     for trial in trials.all:
         key = f"{trial.arm}, {'under stress' if trial.stress else 'quiet'}"
         counts[key] = counts.get(key, 0) + 1
-    said = {key: dict.fromkeys(str(trial.about.get(key) or "") for trial in trials.all) for key in ABOUT}
-    lines = [f"* {key}: {'; '.join(filter(None, values))}" for key, values in said.items() if any(values)]
+    lines = [f"* {key}: {said}" for key in ABOUT if (said := _said(trials, key))]
     made = "; ".join(f"{key}: {many}" for key, many in sorted(counts.items()))
     return ["## What was measured, on what", "\n".join([*lines, f"* trials: {made}"])]
+
+
+def _said(trials: Trials, key: str) -> str:
+    """What the trials were measured on; where that is not the same for all of them, with their arms."""
+    arms: dict[str, dict[str, None]] = {}
+    for trial in trials.all:
+        if value := str(trial.about.get(key) or ""):
+            arms.setdefault(value, {})[trial.arm] = None
+    return "; ".join(value if len(arms) == 1 else f"{value} ({', '.join(of)})" for value, of in arms.items())
 
 
 def _bars(trials: Trials) -> str:

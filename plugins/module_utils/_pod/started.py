@@ -24,6 +24,7 @@ from .._ros.conditions import Conditions, EdgeCondition
 from .._ros.contract import Contract, Intended, record
 from .._ros.gate import Silence, rate_plan
 from .._ros.graph import Graph, Node, host_of
+from .._ros.keeper_client import FORGETFUL, KeeperCalls
 from .._ros.names import by_pod, by_revision, is_tool, is_version, stem
 from .._ros.roslaunch import Child, children, crash
 from .._step.record import Record, record_of
@@ -31,7 +32,7 @@ from .._step.words import CONTRACT, HOPELESS
 from .judge import UNCOUNTED, Wanted, check_sums, first_questions, gaps, is_forgiven, judge, rated
 from .launch import MANAGER, named
 from .own_node import is_here, names_here, places, service_uris
-from .state import Settings, State, load_settings, load_state, ros_of, save_state
+from .state import CALLER, Settings, State, load_settings, load_state, ros_of, save_state
 
 HERE = Path(__file__).parent
 SECONDS = 10.0  # of looking in one call, before a reason is given
@@ -51,7 +52,11 @@ def main(_words: list[str]) -> int:
     ros = ros_of(os.environ)
     here, there = partial(names_here, ros, settings), partial(places, ros, settings)
     told = partial(children, ros), partial(introduce, ros), partial(load_owed, settings)
-    reason = started(settings, before, ros, Outside(run_command, here, is_here, there, *told, save_state))
+    outside = Outside(run_command, here, is_here, there, *told, save_state)
+    if settings.keeper:
+        keeper = KeeperCalls(settings.keeper, CALLER)
+        outside = replace(outside, is_whole=lambda since: keeper.is_whole(time.monotonic() - since))
+    reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings.node, State(failed=True))
         sys.stdout.write(f"{reason}\n")
@@ -87,6 +92,8 @@ class Outside:
     measured: Callable[[Graph, Sequence[str]], Graph] = lambda graph, _nodes: graph
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
+    # whether the master had, at that time by `now`, been given back what the one before had
+    is_whole: Callable[[float], bool] = lambda _since: True
 
 
 def started(settings: Settings, before: State, ros: Backend, outside: Outside) -> str:
@@ -168,10 +175,15 @@ class Starting:
         owed = self.outside.owed()
         if not (self.settings.expect_node or self.settings.launch or owed.contract):
             return checks
+        began = self.now()
         try:
-            return [*self._graph(owed, not checks), *checks]
+            checks = [*self._graph(owed, not checks), *checks]
         except RosError as error:
             return [Check("master", self.ros.uri, WAIT, str(error)), *checks]
+        # a peer that a master begun anew does not know yet is no peer that has gone
+        if overall([check.verdict for check in checks]) == PASS and not self.outside.is_whole(began):
+            return [Check("master", self.ros.uri, WAIT, FORGETFUL)]
+        return checks
 
     def _graph(self, owed: Owed, whole: bool) -> list[Check]:
         state = self.ros.state(types=True)

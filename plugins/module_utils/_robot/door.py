@@ -22,6 +22,7 @@ from .._ros.conditions import conditions_from
 from .._ros.graph_json import graph_data
 from .._ros.idle_robot import IdleRobot, hold_when_idle
 from .._ros.jobs import JOBS
+from .._ros.keeper_client import FORGETFUL
 from .._ros.raw_node import Asked, Said
 from .._step.objects import Object, holder_of, name_of, node_of, revision_of, suffix_of, version_of
 from .._step.record import answer, soaks
@@ -30,7 +31,6 @@ from .._step.windows import Windows
 from .._step.words import FLEET, JOBS_PATH, LASTING, OWNER, PATH, REST, REST_KEY
 from .cluster_api import read_records
 from .holds import Holds
-from .keeper import FORGETFUL
 
 INTERVAL = 0.2
 AT_ONCE = 4  # who asks more often than the robot can be looked at is sent away

@@ -40,7 +40,6 @@ ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is as
 PROBE = 5.0  # an address that is no more: its host finds that out by three ARP requests, one second each
 TOGETHER = 3  # names in a line of the log
 AT_ONCE = 0.5  # seconds for a connection, which takes milliseconds: one that waits has lost the master meanwhile
-FORGETFUL = "it was begun anew, and has not yet been given back all that was registered"
 LEAST = 1.0  # seconds between connections: one that hangs up at once would be connected to all the time
 
 
@@ -118,6 +117,10 @@ class Keeper:
             return known and _identity(self.ros.calls(self._who)) == self.whole_at
         except RosError:
             return False
+
+    def was_whole(self, age: float) -> list[Any]:
+        """A pod's call: whether it was so many seconds ago."""
+        return [1, "", self.is_whole(self.now() - age)]
 
     @property
     def _who(self) -> list[Request]:

@@ -103,7 +103,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
     keeper = Keeper(ros, kept, tell, uri=slave.uri, boot=boot_of_host(), keeps=keeps)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.show("/ready", lambda _asked: Said(200 if keeper.complete else 503))
-    slave.register({"paramUpdate": keeper.parameter_changed})
+    slave.register({"paramUpdate": keeper.parameter_changed, "is_whole": keeper.was_whole})
     cluster: Cluster | None = None
     try:
         cluster = Cluster(os.environ, chosen["--account"])

@@ -15,12 +15,11 @@ from functools import lru_cache, partial
 from typing import Callable, ContextManager, Mapping, Sequence
 
 from .._common.errors import FleetError, RosError
-from .._common.poll import FAIL, PASS, WAIT, overall
+from .._common.poll import FAIL, PASS, overall
 from .._pod.own_node import OwnNode, places
 from .._pod.started import INTERVAL, SECONDS, SLOW_INTERVAL, Outside, Owed, Starting, introduce, message, owed_by
 from .._pod.state import TIMEOUT, Settings, State, load_settings
 from .._ros.backend import Backend, MasterState
-from .._ros.checks import Check
 from .._ros.client import Ros1Client
 from .._ros.gate import RATE_WINDOW
 from .._ros.graph import Graph, Handshake, Rate, host_of
@@ -28,7 +27,7 @@ from .._step.objects import Object, address_of, annotations_of, app_of, gate_of,
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
 from .cluster_api import REFRESH, ApiError, Cluster
-from .keeper import FORGETFUL, Keeper
+from .keeper import Keeper
 
 CALLER = "/rosops_fleet_readiness"
 PROVEN = "its nodes are wholly in the graph, with all that they owe: container "
@@ -207,15 +206,14 @@ class Readiness:
         look = self.looks(pod)
         while True:
             with self.turn:
-                looked_at, checks = self.now(), look()
+                checks = look()
             pod = self.pods.get(uid, {})
             if due(pod) != PROVE or container_of(pod) != container:
                 return
-            if overall([check.verdict for check in checks]) == PASS:
-                if self.keeper.is_whole(looked_at):
-                    break
-                checks = [Check("master", self.ros.uri, WAIT, FORGETFUL)]
-            verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
+            verdict = overall([check.verdict for check in checks])
+            if verdict == PASS:
+                break
+            text, now = message(checks), self.now()
             if look.unregistered and began < self.keeper.restarted_at <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
@@ -258,6 +256,7 @@ class Readiness:
             introduce=partial(introduce, ros),
             owed=lambda: owed(int(self.now() / OWED)),
             keep=keep,
+            is_whole=self.keeper.is_whole,
             measured=Sent(ros),
             now=self.now,
             sleep=self.sleep,

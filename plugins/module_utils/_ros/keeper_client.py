@@ -10,6 +10,7 @@ from .._common.errors import RefusalError
 from .replies import unwrap
 from .rpc import Api, Deadline, reason
 
+FORGETFUL = "it was begun anew, and has not yet been given back all that was registered"
 TIMEOUT = 4.0  # it connects to all of an action's clients before it says that it holds their goals
 
 
@@ -37,6 +38,17 @@ class KeeperCalls:
         with Api(self.uri, self.caller, Deadline(TIMEOUT)) as api:
             found: Data = api.raw("state")[2]
         return found
+
+    def is_whole(self, age: float) -> bool:
+        """Whether the master had, so many seconds ago, been given back what the one before had.
+
+        False by the keeper's own word alone: a robot without a keeper starts its apps, too.
+        """
+        try:
+            with Api(self.uri, self.caller, Deadline(TIMEOUT)) as api:
+                return unwrap(api.raw("is_whole", age)) is not False
+        except Exception:  # one of an older collection has no such call
+            return True
 
     def _problem(self, seconds: float, method: str, *params: Any) -> str:
         try:

@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.started import O
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State, load_settings
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE, Graph, Rate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import FORGETFUL, KeeperCalls
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
@@ -59,11 +60,11 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def started(world: World, clock: Clock | None = None, failed: bool = False, run: Any = None, **settings: Any) -> str:
     clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
     introduce, places = settings.pop("introduce", lambda _calls: None), settings.pop("places", {})
-    measured = settings.pop("measured", lambda graph, _nodes: graph)
+    measured, whole_since = settings.pop("measured", lambda graph, _nodes: graph), settings.pop("whole_since", 0.0)
     outside = started_command.Outside(
         run or (lambda *_: ""), lambda _state: here, lambda uri: started_command.is_here(uri), lambda _state: places,
         lambda _hosts: children, introduce, lambda: started_command.load_owed(SETTINGS), kept.save_state,
-        measured, clock.now, clock.sleep,
+        measured, clock.now, clock.sleep, lambda since: since >= whole_since,
     )  # fmt: skip
     known = replace(SETTINGS, version=kept.load_settings(os.environ).version, **settings)
     return started_command.started(known, State(failed=failed), world, outside)
@@ -497,6 +498,27 @@ def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, caps
     monkeypatch.setattr(started_command, "started", lambda *_: "")
     assert started_command.main([]) == 0
     assert capsys.readouterr().out == ""
+
+
+def test_a_master_that_was_begun_anew_is_waited_for_until_it_has_been_given_all_back() -> None:
+    """Else a peer of the app that it does not know yet would be taken for one that has gone."""
+    world, clock = World(), Clock()
+    assert started(world, clock, whole_since=4.0) == ""
+    assert 4.0 <= clock.at < 4.3
+    assert started(World(), whole_since=60.0) == f"not ready: master {world.uri}: {FORGETFUL}"
+
+
+def test_main_asks_the_keeper_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    ages, seen = list[float](), list[started_command.Outside]()
+    monkeypatch.setattr(KeeperCalls, "is_whole", lambda _calls, age: ages.append(age))
+    monkeypatch.setattr(started_command, "started", lambda *words: seen.append(words[-1]) or "")
+    for keeper in (None, "http://127.0.0.1:1"):
+        monkeypatch.setattr(
+            started_command, "load_settings", lambda _environ, uri=keeper: replace(SETTINGS, keeper=uri)
+        )
+        assert started_command.main([]) == 0
+    assert [outside.is_whole(time.monotonic() - 5.0) for outside in seen] == [True, None]
+    assert ages == [pytest.approx(5.0, abs=1.0)]
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import door
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.door import AT_ONCE, UNTOLD
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.jobs import JOBS
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import FORGETFUL
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.robot_at_the_door import (
     OTHERS,

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api im
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import KeeperCalls
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import FakeClient, FakeMaster, FakeServer
@@ -93,6 +94,9 @@ def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, mo
     try:
         ask = ["robot1", "--url", f"http://127.0.0.1:{port}"]
         until(lambda: may.main(ask) == 0)
+        calls = KeeperCalls(ask[-1], "/pod")  # a pod's: what it saw now counts, what it saw before the keeper came not
+        assert [calls.is_whole(age) for age in (0.0, 3600.0)] == [True, False]
+        assert KeeperCalls(master.uri, "/pod").is_whole(3600.0)  # who has no such call says nothing against it
         assert may.main([*ask, "--owner", "me", "--hold", "60"]) == 0
         client.send("one")
         assert may.main(ask) == 75

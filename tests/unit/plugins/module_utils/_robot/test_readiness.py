@@ -15,7 +15,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import FORGETFUL, Keeper
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
     ANEW,
     END,
@@ -38,6 +38,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Rate,
     Topic,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import FORGETFUL
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import APP, READINESS, REVISION, SETTINGS
