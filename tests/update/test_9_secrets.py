@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Who looks over the shoulder of a run: its screen and files, all process lists, the logs of hosts, and each file that
-one who is not root can read there. Secrets of the inventory are planted, those of the cluster are read from its disks.
+one who is not root can read there, and what AWX keeps of a job. Secrets of the inventory are planted, those of the
+cluster are read from its disks.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
+from awx_job import Ended
 from fleet import LIMIT, Fleet, Variables
 from runs import Run
+from test_8_awx import ROBOT1, Controller
 
 APP = "temperature"
 HOSTS = ("edge1", "robot1")
@@ -113,12 +116,23 @@ def on_host(fleet: Fleet, host: str, every: Mapping[str, str]) -> Iterator[str]:
         fleet.hosts.ssh(host, f"rm {kept}")
 
 
-def shown(run: Run, folder: Path, every: Mapping[str, str]) -> dict[str, list[str]]:
-    """Secret -> where it is of what a run has printed and written on the control node."""
+def of_run(run: Run, folder: Path) -> dict[str, str]:
+    """What a run has printed and written on the control node, by where that is."""
     said = {"the screen": run.output}
     for path in (*folder.rglob("*"), *Path.home().joinpath(".ansible").rglob("*")):
         if path.is_file() and not path.name.endswith(".vars.yml"):
             said[str(path)] = path.read_bytes().decode("utf-8", "replace")
+    return said
+
+
+def of_job(job: Ended) -> dict[str, str]:
+    """What AWX keeps of one."""
+    events = {f"event {number}, {event['event']}": json.dumps(event) for number, event in enumerate(job.events)}
+    return {"the job's output": job.output, "its artifacts": json.dumps(job.artifacts), **events}
+
+
+def shown(said: Mapping[str, str], every: Mapping[str, str]) -> dict[str, list[str]]:
+    """Secret -> where it is seen."""
     found = {
         kind: [where for where, text in said.items() if any(form in text for form in forms(secret))]
         for kind, secret in every.items()
@@ -137,13 +151,16 @@ def put_back(fleet: Fleet) -> Iterator[None]:
 @pytest.mark.long
 @pytest.mark.promise("no secret is on a screen, a process list, in a log, or in a file that others may read")
 @pytest.mark.usefixtures("put_back")
-def test_no_secret_is_seen(fleet: Fleet) -> None:
+def test_no_secret_is_seen(fleet: Fleet, tmp_path: Path) -> None:
     of_inventory = {kind: f"Hush{secrets.token_hex(12)}" for kind in KINDS}
     wanted = planted(fleet, of_inventory)
     with ProcessLists() as lists:
         foreseen = fleet.playbooks.run("site", wanted, *LIMIT, "--check", "--diff", "-vvvv")
         run = fleet.playbooks.run("site", wanted, *LIMIT, "--diff", "-vvvv")
+        newer = fleet.new_version("robot1", APP, wanted)
+        job = Controller(fleet, tmp_path).run("update", newer, limit=ROBOT1, verbosity=4)
     assert (foreseen.status, run.status) == (0, 0), f"{foreseen}\n{run}"
+    assert job.outcomes["robot1"] == "updated"
     held = {what: fleet.hosts.ssh(host, how).strip() for host, told in HELD.items() for what, how in told.items()}
     assert len({*held.values(), *of_inventory.values()}) == len(held) + len(KINDS) > 20, "some are not there"
     assert min(map(len, held.values())) > 15
@@ -156,5 +173,6 @@ def test_no_secret_is_seen(fleet: Fleet) -> None:
     fleet.figures.append(f"{len(every)} secrets, {len(lists.lines)} command lines: {listed}, {files}")
     assert len(lists.lines) > 100
     assert (listed, files) == ([], {host: [] for host in HOSTS})
-    assert shown(foreseen, fleet.playbooks.directory, every) == {}
-    assert shown(run, fleet.playbooks.directory, every) == {}
+    assert len(job.events) > 10
+    for said in (of_run(foreseen, fleet.playbooks.directory), of_run(run, fleet.playbooks.directory), of_job(job)):
+        assert shown(said, every) == {}
