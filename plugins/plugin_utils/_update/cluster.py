@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import labels_of
-from ...module_utils._step.words import LEASE, LEASE_SECONDS, OWNER
+from ...module_utils._step.words import KEEPER, LEASE, LEASE_SECONDS, OWNER
 from .._kube.applied import Applied
 from .._kube.cache import Ref, parse_refs
 from .._kube.client import Kube, ref_of
@@ -32,6 +32,7 @@ from .world import HeldError, Live, LostError, Object, ticking
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 TAKE_PAUSE = 0.5  # seconds between two looks whether another run's Lease is renewed
+KEEPER_SECONDS = 2.0 * LEASE_SECONDS  # for a keeper that takes back what a killed run has left: most are done in one
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
 # Live's fields: what is in them
 KINDS = {
@@ -119,11 +120,12 @@ class KubeCluster:
             raise HeldError(f"{hold.holder} holds this robot since {hold.since}; let that end")
         if not hold.mine:
             self._say(f"waits whether the run of {hold.holder}, which began {hold.since}, still lives")
-        first = hold.renewed
+        first, waited = hold.renewed, 0.0
         while not hold.mine:
-            if hold.renewed != first:
+            if hold.renewed != first and (hold.holder != KEEPER or waited > KEEPER_SECONDS):
                 raise HeldError(f"{hold.holder} changes this robot since {hold.since}; let that run end")
             time.sleep(TAKE_PAUSE)
+            waited += TAKE_PAUSE
             claim, hold = _Claim(lease), lease.acquire()
         return claim
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import re
@@ -197,6 +198,32 @@ def test_the_hold_of_another_tool_is_not_waited_for_but_after_its_end(
         monkeypatch.setattr(time, "sleep", lambda _seconds: server.put(LEASE_PATH, free))
         with ours.claim("r"):
             assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
+
+
+@pytest.mark.parametrize(("looks", "told"), [(4, ""), (9999, "ros-keeper changes this robot since noon")])
+def test_a_keeper_that_takes_back_what_a_killed_run_left_is_waited_for_and_not_for_ever(
+    server: Server, monkeypatch: pytest.MonkeyPatch, looks: int, told: str
+) -> None:
+    server.put("/api/v1/namespaces/r", {"metadata": {}})
+    of_killed = {"leaseDurationSeconds": 15, "acquireTime": "noon", "renewTime": "2026-07-01T00:00:00.000000Z"}
+    pauses = list[float]()
+
+    def hold(holder: str) -> None:
+        spec = {**of_killed, "holderIdentity": holder, "renewTime": f"2026-07-01T00:00:00.{len(pauses):06}Z"}
+        server.put(LEASE_PATH, {"metadata": {"namespace": "r"}, "spec": spec})
+
+    def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        hold("ros-keeper" if len(pauses) < looks else "")
+
+    hold("a run that was killed")
+    monkeypatch.setattr(time, "time", lambda: 1782864000.0)
+    monkeypatch.setattr(time, "sleep", pause)
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        claim = KubeCluster(kube, lambda _text: None, "us").claim("r")
+        with pytest.raises(HeldError, match=told) if told else contextlib.nullcontext(), claim:
+            assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
+    assert sum(pauses) == pytest.approx(cluster.KEEPER_SECONDS if told else 2.0, abs=1.0)
 
 
 def test_the_time_of_a_claim_begins_before_it_is_asked_for(
