@@ -48,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--lab", default="bench", help="name of the lab that is made for it (default: bench)")
     made.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
+    made.add_argument("--loop", action="store_true", help="with a control loop of 1 kHz on the robot, in a pod beside")
     made.add_argument("--report", type=Path, metavar="DIRECTORY", help="run nothing: the report of an earlier run")
     return made
 
@@ -89,7 +90,7 @@ def main() -> int:
     options = Options(
         arguments.trials, arguments.messages, arguments.stress, arguments.arms, cases, arguments.lab, arguments.keep,
         arguments.plain_names, arguments.playbook, arguments.quiet or quiet_seconds(arguments.messages, cases),
-        arguments.minutes,
+        arguments.minutes, arguments.loop,
     )  # fmt: skip
     trials = Trials(arguments.data)
     if not trials.missing(options.trials, options.arms, options.stress, [case.name for case in cases]):

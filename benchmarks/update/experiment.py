@@ -50,6 +50,7 @@ class Options:
     changer: str
     quiet: float
     minutes: float | None = None
+    loop: bool = False
 
 
 class Experiment:
@@ -79,7 +80,7 @@ class Experiment:
                 self._say(f"{options.minutes:g} minutes are over; the next run goes on here")
                 break
             cases = [case for case in options.cases if case.name in missing]
-            plan = Plan(cases, options.messages, options.quiet, self._say)
+            plan = Plan(cases, options.messages, options.quiet, self._say, options.loop)
             self._say(f"trial {trial} of {options.trials}, {name}{', under stress' if stress else ''}")
             began = time.monotonic()
             try:

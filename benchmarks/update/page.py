@@ -14,13 +14,14 @@ from .measure import ACTION_SECONDS, COUNT
 from .paths import CHECKOUT
 from .pictures import KINDS, pictures
 from .scenario import ARMS, PUBLISHED, RATE, of_arm
-from .tables import loss_table, markdown, number, phase_table, success, tables, theirs, usage_table
+from .tables import loop_table, loss_table, markdown, number, phase_table, success, tables, theirs, usage_table
 from .trials import TRIALS, Trials
 from .verdicts import MISS, PASS, TITLES, UNKNOWN, judge, verdicts
 
 PAGE = CHECKOUT / "docs" / "benchmarks.md"
 REST = TRIALS.with_name("at_rest.json")
 TRIED = TRIALS.with_name("tried.md")
+LOOP = TRIALS.with_name("loop.jsonl")  # trials with a control loop beside, whose figures are its alone
 PICTURES = CHECKOUT / "docs" / "benchmarks"
 ABOUT = ("machine", "kernel", "system", "hosts", "k3s", "containerd", "ros", "ansible", "collection", "date")
 
@@ -62,6 +63,11 @@ the step, in the round's quiet beginning.
   judged by nothing above.
 """
 
+LOOPS = """## A control loop beside an update
+
+A pod of its own on the robot ticks 1,000 times a second, in Python and without a priority of its own; the table tells
+how late its ticks came, in microseconds: means over the trials."""
+
 AGAIN = """## Run it again
 
 <!-- not run: hours, and each needs a lab -->
@@ -70,6 +76,7 @@ AGAIN = """## Run it again
     make bench MINUTES=30           # begins no trial that would not be over by then
     make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"
     make bench BENCH="--arms fleet-no-hold --cases action/server"   # goals are not held
+    make bench BENCH="--loop --data benchmarks/update/results/loop.jsonl --trials 2 --stress no"
     make bench-docs                 # this page and its pictures out of the trials
     make bench-probe BENCH=--publish   # what ours costs a robot at rest, per part
     make bench-fleet BENCH=--publish   # what the engine costs per robot
@@ -82,8 +89,11 @@ in the repository. The robot's container has cores of its own; the control node 
 """
 
 
-def text(trials: Trials, rest: Mapping[str, Any] | None = None, more: Iterable[Table] = ()) -> str:
-    """The page; `rest` is the result of `make bench-probe`, `more` what other benchmarks have published."""
+def text(
+    trials: Trials, rest: Mapping[str, Any] | None = None, more: Iterable[Table] = (), beside: Trials | None = None
+) -> str:
+    """The page; `rest` is the result of `make bench-probe`, `more` what other benchmarks have published; `beside` are
+    trials with a control loop."""
     if not trials.all:
         parts = ["No trial has been made yet. The dissertation's own figures, which ours will stand beside:", theirs()]
     else:
@@ -104,7 +114,15 @@ def text(trials: Trials, rest: Mapping[str, Any] | None = None, more: Iterable[T
             usage_table(trials.details),
         ]
     return "\n\n".join(
-        [HEAD.rstrip(), *parts, *([at_rest(rest)] if rest else []), *map(section, more), _pictures(), AGAIN]
+        [
+            HEAD.rstrip(),
+            *parts,
+            *([LOOPS, loop_table(beside.details)] if beside and beside.all else []),
+            *([at_rest(rest)] if rest else []),
+            *map(section, more),
+            _pictures(),
+            AGAIN,
+        ]
     )
 
 
@@ -201,7 +219,7 @@ def files(path: Path = TRIALS) -> dict[Path, str]:
     trials = Trials(path)
     rest = json.loads(REST.read_text(encoding="utf-8")) if REST.exists() else None
     return {
-        PAGE: text(trials, rest, published()),
+        PAGE: text(trials, rest, published(), Trials(LOOP)),
         **{PICTURES / name: content for name, content in pictures(trials.details).items()},
     }
 

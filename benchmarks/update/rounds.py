@@ -6,19 +6,20 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from .cluster import Cluster, wait_for
+from .loop import ControlLoop, lateness
 from .measure import ACTION_SECONDS, Measured, Round, measure
 from .readers import Sampling, read_logs, wipe_logs
 from .rollouts import restarts
 from .scenario import RATE, Case
 from .step import Step
 from .usage import usage
-from .windows import Span, last_end
+from .windows import Span, before, last_end
 
 SETTLE = 8.0  # seconds from the last app's readiness to the round's beginning
 PAUSE = 3.0  # seconds between two updates
@@ -47,6 +48,7 @@ class Plan:
     messages: int
     quiet: float
     say: Callable[[str], None]
+    loop: bool = False
 
     @property
     def seconds(self) -> float:
@@ -81,16 +83,18 @@ def run_round(  # noqa: PLR0913 - what a round is made of
     """
     trial, stress = which
     arm.deploy(plan.cases)
-    foreign = {pod["metadata"]["uid"] for pod in cluster.pods() if pod["metadata"]["namespace"] != arm.namespace}
-    load = os.getloadavg()[0]  # of the machine before the stress: others' work on it is in every figure
-    with hardship:
-        time.sleep(SETTLE)
-        with Sampling(cluster, keep) as sampling:
-            steps, quiet = _updates(arm, plan)
-            end = _end(plan, steps, quiet)
-            time.sleep(max(0.0, end + TAIL - time.time()))
-            started_again = restarts(cluster.pods(arm.namespace))
-            logs = read_logs(cluster, arm.namespace, keep)
+    with ControlLoop(cluster) if plan.loop else nullcontext() as loop:
+        foreign = {pod["metadata"]["uid"] for pod in cluster.pods() if pod["metadata"]["namespace"] != arm.namespace}
+        load = os.getloadavg()[0]  # of the machine before the stress: others' work on it is in every figure
+        with hardship:
+            time.sleep(SETTLE)
+            with Sampling(cluster, keep) as sampling:
+                steps, quiet = _updates(arm, plan)
+                end = _end(plan, steps, quiet)
+                time.sleep(max(0.0, end + TAIL - time.time()))
+                started_again = restarts(cluster.pods(arm.namespace))
+                logs = read_logs(cluster, arm.namespace, keep)
+            ticks = loop.ticks(end) if loop else []
     this = Round(arm.name, stress, trial, plan.messages, quiet, Span(quiet.start, end))
     samples = sampling.samples()
     busy = Span(min((step.run.start for step in steps), default=quiet.end), end)
@@ -101,7 +105,12 @@ def run_round(  # noqa: PLR0913 - what a round is made of
         "load_before": round(load, 2),
         "round_s": round(end - quiet.start, 1),
     }
-    return [_whole(measure(case, step, logs, this), common) for case, step in zip(plan.cases, steps, strict=True)]
+    found = []
+    for case, step in zip(plan.cases, steps, strict=True):
+        spans = {"before": before(quiet, step.span.seconds), "step": step.span, "run": step.run}
+        late = {"loop": {name: lateness(ticks, span) for name, span in spans.items()}} if ticks else {}
+        found.append(_whole(measure(case, step, logs, this), {**common, **late}))
+    return found
 
 
 def _updates(arm: Arm, plan: Plan) -> tuple[list[Step], Span]:

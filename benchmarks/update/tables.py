@@ -206,6 +206,23 @@ def _sum(values: Iterable[float | None]) -> float | None:
     return None if None in known else sum(value for value in known if value is not None)
 
 
+def loop_table(details: Iterable[Mapping[str, Any]]) -> str:
+    """How late a control loop's ticks came, by update, arm and stress."""
+    kept: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
+    for item in details:
+        kept.setdefault((f"{item['app']}/{item['update']}", item["arm"], item["stress"]), []).append(item["loop"])
+    rows = []
+    for (case, arm, stress), loops in kept.items():
+        middle, most = (
+            [_mean(one[span][key] for one in loops) for span in ("before", "step")] for key in ("p999_us", "worst_us")
+        )
+        factor = middle[1] / middle[0] if middle[0] and middle[1] is not None else None
+        figures = [*(number(value, 0) for value in middle), number(factor, 2), *(number(value, 0) for value in most)]
+        rows.append([case, arm, "yes" if stress else "no", str(len(loops)), *figures])
+    heads = ["p99.9 before us", "in step us", "factor", "worst before us", "in step us"]
+    return markdown(["update", "arm", "stress", "trials", *heads], rows)
+
+
 def usage_table(details: Iterable[Mapping[str, Any]]) -> str:
     """CPU (per cent of one core) and memory of both arms: pods with their probes and hooks, and all of both hosts."""
     kept: dict[tuple[str, bool], dict[int, Mapping[str, Any]]] = {}

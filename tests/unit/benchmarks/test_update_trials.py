@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from update import page, series
+from update import loop, page, series, tables
 from update.measure import Measured
 from update.numbers import percentile
 from update.order import rounds
@@ -122,6 +122,18 @@ def test_a_trial_says_where_its_run_was_and_plains_step_is_all_of_it() -> None:
             if item.record["app"] == "service":
                 within = [value for at, value in item.details["series"] if 0 <= at < item.record["run_s"]]
                 assert percentile(within, 95) == pytest.approx(item.record["p95_run_ms"], abs=1.0)
+
+
+def test_a_control_loops_ticks_are_told_apart_by_the_step_and_shown() -> None:
+    lines = [f"{second}.0000 {' '.join([late] * 1000)}" for second, late in ((100, "50"), (101, "50"), (102, "200"))]
+    ticks = loop.parsed(lines)
+    assert ticks[0] == (100.001, 50)
+    before, step = (loop.lateness(ticks, span) for span in (Span(100.0, 102.0), Span(102.0, 103.0)))
+    assert (before["p999_us"], step["p999_us"], step["worst_us"]) == (50, 200, 200)
+    assert loop.lateness(ticks, Span(7.0, 8.0)) == dict.fromkeys(step)
+    named = {"app": "pubsub", "update": "minor", "arm": "fleet", "stress": False}
+    table = tables.loop_table([{**named, "loop": {"before": before, "step": step}}])
+    assert re.search(r"\| pubsub/minor +\| fleet +\| no +\| 1 +\| 50 +\| 200 +\| 4\.00 +\| 50 +\| 200 +\|", table)
 
 
 def test_an_arm_without_held_goals_is_measured_by_its_goals_alone(tmp_path: Path) -> None:
