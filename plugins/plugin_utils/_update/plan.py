@@ -311,11 +311,19 @@ def _exporters(live: Live, request: Request) -> list[Object]:
 
 
 def _policies(robot: Robot, live: Live, request: Request, orphans: Collection[str]) -> list[Object]:
-    """NetworkPolicies of this robot that nobody wants any more; those of apps that are left as they are stay."""
+    """NetworkPolicies of this robot, and of its apps of the whole fleet, that nobody wants any more.
+
+    Those of apps that are left as they are stay.
+    """
     if not {*POLICED} & {*request.parts}:
         return []
     wanted = {key_of(item) for item in network_policies(robot)}
-    own = [item for item in live.policies if labels_of(item).get(names.LABEL_ROBOT) == robot.name]
+    fleets = {app.name for app in robot.apps if request.shared and app.scope == "fleet"}
+    own = [
+        item
+        for item in live.policies
+        if (owner := labels_of(item).get(names.LABEL_ROBOT)) == robot.name or (not owner and app_of(item) in fleets)
+    ]
     return [identity(item) for item in own if key_of(item) not in wanted and app_of(item) not in orphans]
 
 

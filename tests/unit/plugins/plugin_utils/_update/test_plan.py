@@ -363,6 +363,7 @@ def gone(before: Robot, now: Robot, running: Robot | None = None, *parts: str) -
         (robot(WEB), robot(), ["robot-robot1/web.ports"]),
         (robot(WEB, MAP, master=SHARED), robot(WEB, MAP, master=SHARED), []),
         (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), []),  # which another robot may have
+        (robot(MAP, master=SHARED), robot(app("map", scope="fleet"), master=SHARED), ["fleet/map.ports"]),
         # of two robots, what one admits
         (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED), ["fleet/robot-robot1"]),
     ],
