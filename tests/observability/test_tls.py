@@ -32,14 +32,14 @@ HUB, ROBOT = "hub by TLS", "robot by TLS"  # profiles
 
 
 class Authority:
-    """The files that the page's commands make: an authority, the hub's certificate and robot2's."""
+    """The files that the page's commands make: an authority, the certificates of the hub at an address and robot2's."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, hub: str = "127.0.0.1") -> None:
         page = (CHECKOUT / "docs" / "observability.md").read_text("utf-8")
         [block] = [one for one in blocks_of("observability.md", page) if one.text.startswith("openssl")]
         directory.mkdir()
         for command in block.commands:
-            here = command.replace("192.0.2.10", "127.0.0.1")
+            here = command.replace("192.0.2.10", hub)
             subprocess.run(here.split(), cwd=directory, check=True, capture_output=True, timeout=60)  # noqa: S603
         self.directory = directory
 

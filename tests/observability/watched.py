@@ -28,18 +28,11 @@ print(json.dumps(dict(zip(("publishers", "subscribers", "services"), map(dict, s
 """
 
 
-class LabHosts(Hosts):
-    """The lab's hosts, by their addresses, too."""
-
-    def address(self, host: str) -> str:
-        return str(self._hosts[host]["ansible_host"])
-
-
 class Watched:
     """The fleet, and those who watch it."""
 
     def __init__(self, lab: str, inventory: Path, output: Path) -> None:
-        self.hosts = LabHosts(lab)
+        self.hosts = Hosts(lab)
         self.playbooks = Playbooks(inventory, output)
         self._directory = Path(self.hosts.variables["lab_dir"]) / "kube"
         hub = self.hosts.address(EDGE)
