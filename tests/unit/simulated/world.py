@@ -559,7 +559,7 @@ class SimulatedCluster:
         sim, done = self.sim, list[Applied]()
         with sim.call("delete", 0.1):
             assert dry_run or not sim.checking
-            assert dry_run or sim.holder == RUN, "a claim is deleted by a run that has no Lease"
+            assert dry_run or self.claimed, "it is deleted by a run that has no Lease"
             self.confirm()
             for item in objects:
                 key = (item["kind"], *deployment_key(item))
