@@ -32,12 +32,13 @@ def outcome(report: Report) -> Result:
     result: Result = {
         "changed": False,
         "warnings": [warning.line() for warning in folded(report.warnings, report.hosts)],
-        "_ansible_verbose_override": True,  # with -v, too: a whole fleet is nothing that anybody reads on a screen
     }
     if report.fleet is not None:
         remote = {image for robot in report.fleet.robots.values() for image in images(robot, "remote")}
         shared = any(needs_fleet_namespace(robot) for robot in report.fleet.robots.values())
-        return {**result, **report.fleet.as_dict(), "remote_images": sorted(remote), "shared": shared}
+        whole = {**report.fleet.as_dict(), "remote_images": sorted(remote), "shared": shared}
+        # its apps' secrets are in it, and AWX keeps what callbacks are told of a task, at any verbosity
+        return {**result, **whole, "_ansible_no_log": True}
     lines = [problem.line() for problem in folded(report.problems, report.hosts)]
     words = f"{len(lines)} error{'s' if len(lines) > 1 else ''} in the fleet's variables:"
     return {**result, "failed": True, "msg": "\n".join([words, *lines])}

@@ -158,7 +158,7 @@ def test_no_secret_is_seen(fleet: Fleet, tmp_path: Path) -> None:
         foreseen = fleet.playbooks.run("site", wanted, *LIMIT, "--check", "--diff", "-vvvv")
         run = fleet.playbooks.run("site", wanted, *LIMIT, "--diff", "-vvvv")
         newer = fleet.new_version("robot1", APP, wanted)
-        job = Controller(fleet, tmp_path).run("update", newer, limit=ROBOT1, verbosity=4)
+        job = Controller(fleet, tmp_path).run("site", newer, limit=ROBOT1, verbosity=4)
     assert (foreseen.status, run.status) == (0, 0), f"{foreseen}\n{run}"
     assert job.outcomes["robot1"] == "updated"
     held = {what: fleet.hosts.ssh(host, how).strip() for host, told in HELD.items() for what, how in told.items()}

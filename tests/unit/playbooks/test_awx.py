@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import base64
 import itertools
 import json
 import re
@@ -79,6 +80,30 @@ def test_whatever_a_survey_answers_is_taken_and_the_canary_is_always_the_same(se
     assert "report: fleet_outcomes, an artifact of this job" in ended.output
     assert "not begun" in ended.artifacts["fleet_outcomes"]["robot2"]["reason"]
     assert (ended.status, ended.code) == ("failed", 2)
+
+
+@pytest.mark.parametrize("playbook", ["site", "update", "rollback", "status"])
+def test_what_awx_keeps_of_a_job_has_no_secret_at_the_most_verbosity(
+    server: Server, launch: Launch, playbook: str
+) -> None:
+    """Its output, its artifacts, and of each event what callbacks were told of a task."""
+    hush = [f"Hush{number}in" for number in range(4)]
+    app = {
+        **APP,
+        "env": {"MQTT_PASSWORD": hush[0]},
+        "params": {"cloud/token": hush[1]},
+        "files": [{"path": "/etc/broker.conf", "content": f"password={hush[2]}\n"}],
+    }
+    login = {"name": "pull", "registry": "r.example", "username": "robot", "password": hush[3]}
+    runs(server, "robot1")
+    own = {"ros_apps": [app], "robot_namespace_pull_secrets": [login]}
+    ended = launch(playbook, own=own, limit="robot1", tags="namespace,master,apps", verbosity=4).finish()
+    assert len(ended.events) > 5, ended.output
+    kept = {"output": ended.output, "artifacts": json.dumps(ended.artifacts)}
+    for number, event in enumerate(ended.events):
+        kept[f"{number}: {event['event']}: {event.get('event_data', {}).get('task')}"] = json.dumps(event)
+    forms = [form for one in hush for form in (one, base64.b64encode(one.encode()).decode().rstrip("=")[:-1])]
+    assert {where for where, text in kept.items() if any(form in text for form in forms)} == set()
 
 
 def test_an_update_of_many_short_waits_says_where_it_stands(server: Server, launch: Launch) -> None:
