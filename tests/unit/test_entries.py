@@ -15,8 +15,8 @@ from ansible_collections.rosops.fleet.tests.unit.hostile import PARSERS
 
 PLUGINS = Path(__file__).resolve().parents[2] / "plugins"
 FUNCTIONS = frozenset({
-    "json.loads", "json_of", "yaml.load", "yaml.safe_load", "loads", "parse_qsl", "b64decode", "base64.b64decode",
-    "base64.urlsafe_b64decode", "tarfile.open", "zlib.decompress", "open_url", "expat.ParserCreate",
+    "json.loads", "json_of", "yaml.load", "yaml.safe_load", "yaml_load", "loads", "parse_qsl", "b64decode",
+    "base64.b64decode", "base64.urlsafe_b64decode", "tarfile.open", "zlib.decompress", "open_url", "expat.ParserCreate",
 })  # fmt: skip
 METHODS = frozenset({
     "recv", "recv_into", "getresponse", "urlopen", "run_module", "_execute_module", "_low_level_execute_command", "job",

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from ansible.module_utils.common.yaml import yaml_load
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
@@ -96,7 +97,7 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
         "placement": f'EXPR(env("NODE_NAME") in {remote} ? "remote" : "local")',
         **more,
     }
-    found: Config = yaml.safe_load(ENVIRONMENT.get_template(f"{template}.yml.j2").render(values))
+    found: Config = yaml_load(ENVIRONMENT.get_template(f"{template}.yml.j2").render(values))
     return found
 
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import kubernetes_validate
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
@@ -19,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.config
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files, stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, retention_size
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
 from ansible_collections.rosops.fleet.tests.unit.observability import regenerate_stack as stack
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
@@ -63,7 +63,7 @@ def test_what_is_applied(name: str) -> None:
     made = stack.built(stack.SPECS[name])
     assert len(set(keys(made))) == len(made)
     for one in made:
-        kubernetes_validate.validate(one, "1.34", strict=True)
+        fits_the_api(one)
         for file, said in one["data"].items() if one["kind"] == "ConfigMap" else ():
             assert not file.endswith(".yml") or yaml_text(yaml.safe_load(said)) == said
     pods = [one["spec"]["template"]["spec"] for one in workloads(made).values()]

@@ -7,7 +7,6 @@ import base64
 import json
 from typing import Any
 
-import kubernetes_validate
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
@@ -15,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 from doc_blocks import CHECKOUT, blocks_of
 
@@ -72,7 +72,7 @@ def secrets_of(spec: Spec) -> dict[str, str]:
 @pytest.mark.parametrize("settings", [HUB, ROBOT], ids=["hub", "robot"])
 def test_the_api_takes_it(settings: dict[str, Any]) -> None:
     for one in built(full(settings)):
-        kubernetes_validate.validate(one, "1.34", strict=True)
+        fits_the_api(one)
 
 
 def test_no_host_of_a_robot_has_the_servers_key() -> None:

@@ -56,6 +56,14 @@ class AtRest:
         assert timeout <= self.patience
 
 
+def k3s_of(host: str, *servers: str, **more: Any) -> dict[str, Any]:
+    """Variables of the role k3s of a host, which is one of its cluster's servers or their agent."""
+    return {
+        "inventory_hostname": host, "k3s_node_name": host, "k3s_role": "server" if host in servers else "agent",
+        "k3s_cluster": "edge", "k3s_server_hosts": [*servers], "k3s_kubeconfig_path": "", **more,
+    }  # fmt: skip
+
+
 SPACES = ("robot-robot1", "robot-robot2")
 
 

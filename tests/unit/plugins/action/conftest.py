@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The options that lead to the API server of the tests."""
+"""The options that lead to the API server of the tests, and a place for what a run writes down."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+
+@pytest.fixture(autouse=True)
+def local_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
 
 
 @pytest.fixture

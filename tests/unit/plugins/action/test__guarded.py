@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
@@ -16,11 +15,10 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import A
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 
-def test_a_host_that_is_off_is_deferred(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_host_that_is_off_is_deferred(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RobotHost, "there", Mock(side_effect=AwayError("no route to host")))
     monkeypatch.setattr(_guarded.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
     monkeypatch.setattr(gated, "KubeCluster", lambda *_args: AtRest(300))
-    monkeypatch.setattr(gated.C, "DEFAULT_LOCAL_TMP", str(tmp_path))
     ended = run(_guarded, {}, {"guarded_tasks": "/srv/reboot.yml", **fleet_of(robot())})
     assert ended["outcome"]["outcome"] == "deferred-offline"
     assert "nothing was touched" in ended["outcome"]["reason"]

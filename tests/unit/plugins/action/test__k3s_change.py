@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.action import _k3s_change
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost, RobotHost
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import AtRest, run
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import AtRest, k3s_of, run
 
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
 PLAN: dict[str, Any] = {
@@ -36,7 +35,7 @@ def node(name: str, version: str = OLD, ready: str = "True", server: bool = True
 class Host:
     """What the jobs are asked; `staged` is the version to come, `bad` one that never serves."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.asked: list[str] = []
         self.args: dict[str, Any] = {}  # of the last call with each state
         self.kept: list[tuple[Any, ...]] = []  # in the cluster, as soon as it is known
@@ -50,7 +49,6 @@ class Host:
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
         monkeypatch.setattr(gated, "KubeCluster", lambda *_args: self.cluster)
         monkeypatch.setattr(gated, "robots_on", lambda *_args: self.robots_on())
-        monkeypatch.setattr(gated.C, "DEFAULT_LOCAL_TMP", str(directory))
 
     def nodes(self) -> list[dict[str, Any]]:
         return self.known_nodes
@@ -80,17 +78,13 @@ class Host:
 
     def change(self, check_mode: bool = False, **more: Any) -> dict[str, Any]:
         plan = {**PLAN, **more.pop("plan", {})}
-        variables = {
-            "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"], "k3s_node_name": "robot1",
-            "k3s_install_source": "airgap", "k3s_kubeconfig_path": "", "k3s_start_timeout": 5,
-            "fleet": NO_ROBOTS, **more,
-        }  # fmt: skip
-        return run(_k3s_change, {"plan": plan}, variables, check_mode)
+        known = {"k3s_cluster": "robot1", "k3s_install_source": "airgap", "k3s_start_timeout": 5, "fleet": NO_ROBOTS}
+        return run(_k3s_change, {"plan": plan}, {**k3s_of("robot1", "robot1"), **known, **more}, check_mode)
 
 
 @pytest.fixture
-def host(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Host:
-    return Host(monkeypatch, tmp_path)
+def host(monkeypatch: pytest.MonkeyPatch) -> Host:
+    return Host(monkeypatch)
 
 
 def test_what_was_staged_is_taken_and_proven(host: Host) -> None:

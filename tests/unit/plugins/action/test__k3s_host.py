@@ -11,7 +11,7 @@ from ansible.template import trust_as_template
 from ansible_collections.rosops.fleet.plugins.action import _k3s_host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import servers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import kubeconfig_head
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import k3s_of, run
 
 OURS = kubeconfig_head("0" * 64, "https://10.0.0.1:6443", "edge")
 
@@ -47,19 +47,15 @@ PROXY = {"HTTPS_PROXY": "http://proxy:3128"}
 def test_what_the_plan_says(
     asked: list[tuple[Any, ...]], do: str, plan: dict[str, Any], job: tuple[str, dict[str, Any]]
 ) -> None:
-    known = {"k3s_cluster": "edge", "k3s_role": "server", "k3s_server_hosts": ["edge1"], "k3s_start_timeout": "20"}
-    run(_k3s_host, {"do": do, "plan": plan}, {**known, "k3s_environment": PROXY}, False)
+    known = k3s_of("edge1", "edge1", k3s_start_timeout="20", k3s_environment=PROXY)
+    run(_k3s_host, {"do": do, "plan": plan}, known, False)
     assert asked == [(*job, False)]
 
 
 def forget(path: Path, host: str = "edge1", check_mode: bool = False, **variables: Any) -> dict[str, Any]:
-    given = {
-        "inventory_hostname": host, "hostvars": {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}},
-        "k3s_cluster": "edge", "k3s_role": "server", "k3s_server_hosts": ["edge1", "edge2"],
-        "k3s_node_name": host, "k3s_kubeconfig_path": str(path),
-        "ansible_play_hosts_all": ["edge1", "edge2"], **variables,
-    }  # fmt: skip
-    return run(_k3s_host, {"do": "remove"}, given, check_mode)
+    given = {"hostvars": {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}}, "k3s_kubeconfig_path": str(path)}
+    given |= {"ansible_play_hosts_all": ["edge1", "edge2"], **variables}
+    return run(_k3s_host, {"do": "remove"}, k3s_of(host, "edge1", "edge2", **given), check_mode)
 
 
 def test_it_goes_once(tmp_path: Path) -> None:
@@ -137,11 +133,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
 
 def files(staged: str, check_mode: bool = False, joins: str = "", **more: Any) -> dict[str, Any]:
     """Those of a server, or of an agent that joins one."""
-    server = "edge1" if joins else "robot1"
-    variables = {
-        "hostvars": {"robot1": {}, "edge1": {}}, "k3s_role": "agent" if joins else "server", "k3s_cluster": "edge",
-        "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
-    }  # fmt: skip
+    variables = k3s_of("robot1", "edge1" if joins else "robot1", hostvars={"robot1": {}, "edge1": {}})
     plan = {**PLAN, "write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins, **more}
     return run(_k3s_host, {"do": "files", "plan": plan, "registered": "__k3s_slurped"}, variables, check_mode)
 
@@ -204,10 +196,7 @@ def test_a_server_keeps_the_datastore_that_it_has(monkeypatch: pytest.MonkeyPatc
         return {"changed": bool(texts.setdefault(path, content)) and diff}
 
     monkeypatch.setattr(_k3s_host.ActionHost, "write", write)
-    known = {
-        "hostvars": {"robot1": {}}, "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"],
-        "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
-    }  # fmt: skip
+    known = k3s_of("robot1", "robot1", hostvars={"robot1": {}})
     for etcd, encrypts in ((False, True), (True, False)):
         texts.clear()
         there = {"etcd": etcd, "encrypts": encrypts}
@@ -220,11 +209,8 @@ def test_a_server_keeps_the_datastore_that_it_has(monkeypatch: pytest.MonkeyPatc
 # --- a token for one agent alone --------------------------------------------------------------------------------------
 
 MADE = f"K10{'a' * 64}::abcdef.0123456789abcdef"
-AGENT: dict[str, Any] = {
-    "hostvars": {"robot1": {}, "edge1": {}, "edge2": {}}, "k3s_role": "agent", "k3s_cluster": "edge",
-    "k3s_server_hosts": ["edge1", "edge2"], "k3s_node_name": "robot-one", "k3s_kubeconfig_path": "",
-    "k3s_agent_token": "of the servers",
-}  # fmt: skip
+AGENT = k3s_of("robot1", "edge1", "edge2", hostvars={"robot1": {}, "edge1": {}, "edge2": {}})
+AGENT |= {"k3s_node_name": "robot-one", "k3s_agent_token": "of the servers"}
 REVOKED = "rosops-fleet-revoked-robot-one"
 POLICIES = f"validatingadmissionpolicybinding,validatingadmissionpolicy {REVOKED} --ignore-not-found"
 

@@ -14,7 +14,7 @@ from ansible_collections.rosops.fleet.plugins.action import _k3s_plan
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.servers import SharedToken
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import k3s_of, run
 
 HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "edge3": {}, "robot1": {}}
 GONE = {"exists": False, "sha256": "", "mode": ""}
@@ -51,11 +51,7 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
 
         monkeypatch.setattr(_k3s_plan.ActionHost, "job", job)
         monkeypatch.setattr(_k3s_plan.ansible_core, "run_task", on_a_server)
-        given = {
-            "inventory_hostname": host, "hostvars": HOSTVARS, "k3s_cluster": "edge", "k3s_node_name": host,
-            "k3s_role": "agent" if host == "robot1" else "server", "k3s_server_hosts": ["edge1", "edge2", "edge3"],
-            "k3s_kubeconfig_path": "", **variables,
-        }  # fmt: skip
+        given = {**k3s_of(host, "edge1", "edge2", "edge3", hostvars=HOSTVARS), **variables}
         return run(_k3s_plan, {"rotate": rotate}, given, plan.check_mode)  # type: ignore[attr-defined]
 
     plan.waited, plan.ends, plan.check_mode = [], "pass", False  # type: ignore[attr-defined]

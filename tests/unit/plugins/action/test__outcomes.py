@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible import constants as C  # noqa: N812 - its customary name
 from ansible import context
 from ansible.utils.context_objects import CLIArgs
 from ansible_collections.rosops.fleet.plugins.action import _outcomes
@@ -27,8 +25,7 @@ BUSY = {"outcome": "deferred-busy", "reason": "/dock is active", "steps": [{"nam
 
 
 @pytest.fixture(autouse=True)
-def cluster(server: Server, api: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
+def cluster(server: Server, api: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in api.items():
         monkeypatch.setenv(f"K8S_AUTH_{name.upper()}", value)
     server.put(SYSTEM, {"metadata": {"name": "kube-system"}})

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _revoke
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.revocation import policy_name, refusal_of
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import k3s_of, run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
@@ -23,8 +23,7 @@ SHIPPER = "/api/v1/namespaces/observability/pods/log-shipper-1"
 KEEPER = f"{SPACE}/pods/ros-keeper-1"
 VARIABLES: dict[str, Any] = {
     **fleet_of(robot(), robot(name="robot2"), robot(name="robot3", mode="standalone")),
-    "inventory_hostname": "robot2",
-    "k3s_role": "agent", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"],
+    **k3s_of("robot2", "edge1"),
     "k3s_registries": {"configs": {"registry.lan": {"auth": {"password": "secret!"}}}},
     "k3s_config": {"vpn-auth": "name=tailscale,joinKey=secret!"},
 }  # fmt: skip

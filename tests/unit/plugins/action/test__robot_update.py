@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
@@ -34,8 +32,7 @@ NOWHERE = {"kubeconfig": "/nowhere/edge.yaml"}
 
 
 @pytest.fixture(autouse=True)
-def _control_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
+def _there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RobotHost, "there", lambda _self: None)
 
 
@@ -161,9 +158,8 @@ def test_without_a_cluster_a_run_says_so() -> None:
 class Turns:
     """The action of several robots of one run, each with the word that its engine comes to."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, **words: str) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **words: str) -> None:
         self.words, self.turns = words, list[tuple[str, bool]]()
-        monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(folder))
         monkeypatch.setattr(
             _robot_update.ActionModule, "_update", lambda module, params, _result: self.turn(module, params)
         )
@@ -180,28 +176,24 @@ class Turns:
         return run(_robot_update, {}, {**known, "update_own": own})
 
 
-def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(monkeypatch: pytest.MonkeyPatch) -> None:
     """Once in a run: the one that is off leaves it to the next."""
-    robots = Turns(monkeypatch, tmp_path, robot1="deferred-offline", robot2="updated", robot3="updated")
+    robots = Turns(monkeypatch, robot1="deferred-offline", robot2="updated", robot3="updated")
     for name in ("robot1", "robot2", "robot3"):
         robots.take(name, own=False)
     assert robots.turns == [("robot1", False), ("robot2", False)]
     assert robots.take("robot1", own=True)["outcome"]["outcome"] == "updated"
 
 
-def test_a_fleet_without_anything_shared_has_no_such_turn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    robots = Turns(monkeypatch, tmp_path)
+def test_a_fleet_without_anything_shared_has_no_such_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    robots = Turns(monkeypatch)
     robots.masters = {}
     robots.take("robot1", own=False)
     assert robots.turns == []
 
 
-def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    robots = Turns(monkeypatch, tmp_path, robot1="rolled-back")
+def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    robots = Turns(monkeypatch, robot1="rolled-back")
     robots.take("robot1", own=False)
     robots.take("robot2", own=False)
     stays = robots.take("robot1", own=True)["outcome"]

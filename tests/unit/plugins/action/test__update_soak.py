@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import _robot_update, _update_soak
-from ansible_collections.rosops.fleet.plugins.action._update_soak import is_last_wave, revisions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
@@ -23,11 +21,6 @@ STEP = {
     "outcome": "updated", "from": {}, "to": {"camera": {"image": "x/camera:2", "revision": "rev2"}},
 }  # fmt: skip
 UPDATED = {"outcome": "updated", "reason": "", "steps": [STEP]}
-
-
-def test_waves_are_taken_in_the_order_of_names() -> None:
-    assert not is_last_wave({**WAVES, "ansible_play_batch": ["r1", "r2"]})
-    assert is_last_wave({**WAVES, "ansible_play_batch": ["r3"]})
 
 
 @pytest.mark.parametrize(
@@ -47,10 +40,14 @@ def test_what_need_not_be_waited_for_is_handed_on_as_it_is(told: dict[str, Any],
 def test_what_a_keeper_took_back_counts_as_what_the_update_came_to(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
     monkeypatch.setattr(_update_soak.ActionModule, "cluster", lambda *_given: contextlib.nullcontext())
     monkeypatch.setattr(_update_soak.ActionModule, "run_of", lambda *_given: None)
-    monkeypatch.setattr(_update_soak, "soak", lambda *_given: RobotOutcome("rolled-back", "the keeper went back"))
+
+    def soak(_run: Any, _robot: Any, revisions: dict[str, str], _world: Any) -> RobotOutcome:
+        assert revisions == {"camera": "rev2"}
+        return RobotOutcome("rolled-back", "the keeper went back")
+
+    monkeypatch.setattr(_update_soak, "soak", soak)
     monkeypatch.setattr(_update_soak, "keep_early", lambda *_given, **_more: None)
     known = {**WAVES, **fleet_of(robot(name="r1")), "inventory_hostname": "r1", "ansible_play_batch": ["r1"]}
     result = run(_update_soak, NOWHERE, {**known, "update_result": {"outcome": UPDATED}})
@@ -58,7 +55,3 @@ def test_what_a_keeper_took_back_counts_as_what_the_update_came_to(
     later = Ledger(tmp_path, "r2", _robot_update.ActionModule.KIND)
     assert later.last("r1")["outcome"] == "rolled-back"
     assert later.refusal("0", 3).startswith("not begun: r1 failed")
-
-
-def test_new_is_what_the_steps_brought() -> None:
-    assert revisions(UPDATED) == {"camera": "rev2"}

@@ -78,20 +78,16 @@ def test_moving_tags(image: str, moving: bool) -> None:
     ("given", "meant"),
     [
         (None, []),
-        ("", []),
         ("  \n", []),
         ([], []),
         (["a", 1], ["a", 1]),
         (("a",), ["a"]),
         (1, [1]),
-        ("50%", ["50%"]),
         ("camera", ["camera"]),
         ("camera, lidar", ["camera", "lidar"]),
         ("camera\nlidar\n", ["camera", "lidar"]),
         ("1 25% 100%", ["1", "25%", "100%"]),
         ("[camera, lidar]", ["camera", "lidar"]),
-        ('[1, "25%"]', [1, "25%"]),
-        ("[]", []),
     ],
 )
 def test_what_was_meant(given: Any, meant: list[Any]) -> None:

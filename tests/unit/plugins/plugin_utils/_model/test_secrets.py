@@ -15,24 +15,10 @@ def pod(env: dict[str, str]) -> dict[str, Any]:
     return {"spec": {"containers": [{"name": "ros-app", "env": variables}]}}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "DB_PASSWORD",
-        "API_KEY",
-        "apikey",
-        "AWS_SECRET_ACCESS_KEY",
-        "TOKEN",
-        "PGPASSWORD",
-        "MQTT_AUTH",
-        "DOOR_PIN",
-        "MQTT_PASS",
-        "PASS",
-        "WIFI_PSK",
-        "psk",
-        "KEY_PASSPHRASE",
-    ],
-)
+@pytest.mark.parametrize("name", [
+    *("DB_PASSWORD", "API_KEY", "apikey", "AWS_SECRET_ACCESS_KEY", "TOKEN", "PGPASSWORD", "MQTT_AUTH", "DOOR_PIN"),
+    *("MQTT_PASS", "PASS", "WIFI_PSK", "psk", "KEY_PASSPHRASE"),
+])  # fmt: skip
 def test_variables_whose_name_says_so(name: str) -> None:
     assert list(secrets_in(pod({name: "hush", "ROS_IP": "10.0.0.1"}))) == ["hush"]
 

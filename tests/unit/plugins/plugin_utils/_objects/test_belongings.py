@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import kubernetes_validate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.belongings import belongings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, MASTER, ground_objects
+from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 Object = dict[str, Any]
@@ -20,7 +20,7 @@ def made(**more: Any) -> tuple[list[Object], Object]:
     one = robot({**APP, **more}, {**APP, "name": "eye"}, master={"mode": "shared"})
     held, deployment = belongings(one), app_objects(one)[0]
     for item in (*held, deployment):
-        kubernetes_validate.validate(item, "1.34", strict=True)
+        fits_the_api(item)
     for item in held:
         assert item in ground_objects(one, [APPS], (), {})
         assert item not in ground_objects(one, [MASTER], (), {})

@@ -7,7 +7,6 @@ import copy
 import json
 from typing import Any
 
-import kubernetes_validate
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
@@ -15,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
+from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -68,7 +68,7 @@ def test_objects_fit_the_api_and_each_other(name: str) -> None:
     asked = [one.get("readiness", {}).get("command") for one in apps]
     own = [one["overrides"] for one in apps if "overrides" in one]
     for item in case_objects(name):
-        kubernetes_validate.validate(item, "1.34", strict=True)
+        fits_the_api(item)
         if item["kind"] == "Deployment":
             labels = item["spec"]["template"]["metadata"]["labels"]
             assert item["spec"]["selector"]["matchLabels"].items() <= labels.items()

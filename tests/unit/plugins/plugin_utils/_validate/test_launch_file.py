@@ -31,11 +31,9 @@ def test_a_node_as_it_is_written() -> None:
     ("inside", "names"),
     [
         ("", []),
-        (f'<group ns="front">{LIDAR}</group>{LIDAR}', ["/front/lidar", "/lidar"]),
         (f'<group ns="a"><group ns="b">{LIDAR}</group><group>{LIDAR}</group></group>', ["/a/b/lidar", "/a/lidar"]),
         (f'<group ns="a"><group ns="/b">{LIDAR}</group></group>', ["/b/lidar"]),
         ('<group ns="a/"><node pkg="p" type="t" name="n" ns="b"/></group>', ["/a/b/n"]),
-        ('<node pkg="p" type="t" name="$(arg n)"/>', ["/$(arg n)"]),
         ('<test pkg="p" type="t" test-name="n"/>', []),  # as roslaunch does
         (f"<!-- {LIDAR} -->", []),
         (f'<include file="b.launch">{LIDAR}</include>', []),
@@ -43,10 +41,6 @@ def test_a_node_as_it_is_written() -> None:
 )
 def test_names(inside: str, names: list[str]) -> None:
     assert nodes(inside) == names
-
-
-def test_names_in_a_robots_own_namespace() -> None:
-    assert nodes(LIDAR + f'<group ns="front">{LIDAR}</group>', "/robot1") == ["/robot1/lidar", "/robot1/front/lidar"]
 
 
 EVAL = """<node pkg="p" type="t" name="$(eval '$(arg n)')"/>"""
@@ -58,7 +52,6 @@ NAMED = '<node pkg="p" type="t" name="$(arg n)"/>'
     [
         (f'<arg name="n" default="a"/>{NAMED}', {}, ["/a"]),
         (f'<arg name="n" default="a"/>{NAMED}', {"n": "b"}, ["/b"]),
-        (f'<arg name="n"/>{NAMED}', {"n": "b"}, ["/b"]),
         (f'<arg name="n" value="a"/>{NAMED}', {}, ["/a"]),
         (f'<arg name="m" default="a"/><arg name="n" default="$(arg m)_1"/>{NAMED}', {}, ["/a_1"]),
         (f'{NAMED}<arg name="n" default="a"/>', {}, ["/$(arg n)"]),
@@ -70,7 +63,6 @@ NAMED = '<node pkg="p" type="t" name="$(arg n)"/>'
         (f'<group if="$(env X)"><arg name="n" default="a"/>{NAMED}</group>{NAMED}', {}, ["/a", "/$(arg n)"]),
         (f'<group if="$(env X)"><arg name="n" value="a"/></group>{NAMED}', {"n": "b"}, ["/b"]),
         (f'<arg name="n" default="a" if="$(env X)"/>{NAMED}', {"n": "b"}, ["/b"]),
-        ("<node pkg='p' type='t' name='$(eval n)'/>", {"n": "b"}, ["/$(eval n)"]),
         (EVAL, {"n": "b"}, ["/$(eval '$(arg n)')"]),  # roslaunch fills nothing in there
     ],
 )
@@ -81,10 +73,8 @@ def test_arguments(inside: str, args: dict[str, str], names: list[str]) -> None:
 @pytest.mark.parametrize(
     ("condition", "there", "sure"),
     [
-        ('if="true"', True, True),
         ('if=" True "', True, True),
         ('if="1"', True, True),
-        ('if="false"', False, True),
         ('unless="true"', False, True),
         ('unless="0"', True, True),
         ('if="$(arg on)"', True, True),
@@ -106,7 +96,6 @@ def test_conditions(condition: str, there: bool, sure: bool) -> None:
 @pytest.mark.parametrize(
     ("args", "inside", "devices"),
     [
-        ("", '<param name="port" value="/dev/ttyUSB0"/>', ["/dev/ttyUSB0"]),
         ("", '<param name="port" value="$(arg port)"/>', ["/dev/ttyACM1"]),
         ("", '<param name="port" value=" /dev/ttyUSB0 "/>', ["/dev/ttyUSB0"]),
         ("", '<param name="port" value="/dev/$(env PORT)"/>', []),
@@ -117,8 +106,6 @@ def test_conditions(condition: str, there: bool, sure: bool) -> None:
         ("/dev/ttyACM0", "", ["/dev/ttyACM0"]),
         ("_port:=/dev/ttyUSB0 _baud:=115200", "", ["/dev/ttyUSB0"]),
         ("'_port:=/dev/ttyUSB0' it's", "", []),  # no words
-        ("-x > /dev/null", "", []),
-        ("$(arg nothing)", "", []),
     ],
 )
 def test_devices(args: str, inside: str, devices: list[str]) -> None:
@@ -178,7 +165,6 @@ def test_what_would_be_refused_at_the_start(inside: str, args: dict[str, str], w
         '<machine name="a" address="b"/><node pkg="p" type="t" name="n"/>',
         '<group if="false"><node pkg="p"/><arg name="n"/></group>',
         '<arg name="n" if="$(env X)"/>',
-        '<group unless="$(env X)"><arg name="n"/></group>',
     ],
 )
 def test_what_is_not_known_judges_nothing(inside: str) -> None:
@@ -189,10 +175,7 @@ def test_what_is_not_known_judges_nothing(inside: str) -> None:
     ("text", "words"),
     [
         ("<launch>\n<node\n</launch>", "/a.launch, line 3, is no XML: "),
-        ("<launch>\n</lunch>", "/a.launch, line 2, is no XML: mismatched tag"),
-        ("launch: {}", "/a.launch, line 1, is no XML: "),
         ("", "/a.launch, line 1, is no XML: no element found"),
-        ("<launch>&nothing;</launch>", "is no XML: undefined entity"),
         ("<robot/>", "/a.launch, line 1: begins with <robot>"),
         ('<!DOCTYPE launch [\n<!ENTITY a SYSTEM "/etc/passwd">]><launch>&a;</launch>', "line 2, declares the entity a"),
         ('<!DOCTYPE l [<!ENTITY a "b"><!ENTITY c "&a;&a;">]><launch>&c;</launch>', "line 1, declares the entity a"),

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import File
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import Node
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import SINGLE, why_single, written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import why_single, written
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 
 AMCL = '<node pkg="amcl" type="amcl" name="amcl"/>'
@@ -39,10 +38,8 @@ def test_a_node_that_must_not_be_there_twice_has_to_be_judged() -> None:
     ("inside", "launch", "app"),
     [
         (AMCL, {"replace": ["amcl"]}, {}),
-        (AMCL, {"overlap": ["/amcl"]}, {}),
         (f'<group ns="nav">{AMCL}</group>', {"replace": ["nav/amcl"]}, {}),
         (AMCL, {}, {"handoff": "replace"}),  # they are replaced together
-        (AMCL, {}, {"pattern": "action"}),
         ('<node pkg="amcl" type="amcl" name="amcl" if="$(arg on)"/>', {"args": {"on": False}}, {}),
         ('<arg name="n"/><node pkg="amcl" type="amcl" name="$(env N)"/>', {"args": {"n": 1}}, {}),  # nobody knows
         ('<include file="b.launch"/>', {"replace": ["lidar"]}, {}),
@@ -74,7 +71,6 @@ def test_what_must_pass(inside: str, launch: dict[str, Any], app: dict[str, Any]
         (TALKER, {"replace": ["lidar"]}, "allowed: one of /talker"),
         (AMCL.replace("/>", ' if="$(env A)"/>'), {}, TWICE),  # it may be there
         (TALKER + TALKER, {}, f"launch.file: {FILE}, line 1: /talker is at {FILE}, line 1, too"),
-        (f'<group ns="/">{TALKER}</group>{TALKER}', {}, "/talker is at"),
         (TALKER, {"args": {"speed": 1}}, "launch.args.speed: is no <arg> of the launch file; allowed: no args"),
         ('<arg name="spead" default="1"/>', {"args": {"speed": 1}}, "allowed: one of spead"),
         ('<arg name="n"/>', {}, "launch.args: lacks n, for which /srv/a.launch, line 1, has neither a value nor"),
@@ -124,9 +120,6 @@ def test_which_item_is_the_launch_file(name: str, paths: list[str], found: str |
     assert (item and item.path) == found
 
 
-DOCS = Path(__file__).resolve().parents[5] / "docs" / "apps.md"
-
-
 PORTS = ["/dev/ttyUSB0", "/dev/ttyUSB1"]
 
 
@@ -134,7 +127,6 @@ PORTS = ["/dev/ttyUSB0", "/dev/ttyUSB1"]
     ("node", "words"),
     [
         (Node("/n", "robot_localization", "ekf_localization_node"), "two estimates"),
-        (Node("/n", "robot_localization", "ukf_localization_node"), "two estimates"),
         (Node("/n", "robot_localization", "navsat_transform_node"), ""),
         (Node("/n", "gmapping", "slam_gmapping"), "two maps"),
         (Node("/n", "slam_toolbox", "async_slam_toolbox_node"), "two maps"),
@@ -151,7 +143,6 @@ PORTS = ["/dev/ttyUSB0", "/dev/ttyUSB1"]
         (Node("/n", "nodelet", "nodelet", "load gmapping/SlamGMappingNodelet manager"), "two maps"),
         (Node("/n", "nodelet", "nodelet", "load image_proc/rectify manager"), ""),
         (Node("/n", "nodelet", "nodelet", "load $(env DRIVER) manager"), ""),
-        (Node("/n", "nodelet", "nodelet"), ""),
         # bags
         (Node("/n", "rosbag", "record", "-a -O /bags/run.bag"), "both would write to it"),
         (Node("/n", "rosbag", "record", "-a -O/bags/run.bag"), "both would write to it"),
@@ -166,9 +157,3 @@ def test_which_nodes_there_must_not_be_two_of(node: Node, words: str) -> None:
     said = why_single(node)
     assert words in said
     assert bool(said) == bool(words)
-
-
-def test_the_documentation_names_the_same_packages() -> None:
-    told = "".join(line for line in DOCS.read_text("utf-8").splitlines() if line.startswith("| "))
-    packages = ("amcl", "robot_localization", "gmapping", "slam_toolbox", "move_base", "urg_node")
-    assert [package for package in packages if package not in SINGLE or f"`{package}`" not in told] == []
