@@ -186,15 +186,8 @@ def pool(log: Log, action: str = "/work") -> None:
     rospy.spin()
 
 
-def client(  # noqa: PLR0913 - words of a command line
-    log: Log,
-    action: str = "/work",
-    first: str = "1",
-    count: str = "0",
-    milliseconds: str = "20",
-    pause: str = "0",
-) -> None:
-    """Numbered goals, each waited for, `pause` milliseconds apart; `count` 0: until told to stop."""
+def client(log: Log, action: str = "/work", first: str = "1", count: str = "0", milliseconds: str = "20") -> None:
+    """Numbered goals, each waited for; `count` 0: until told to stop."""
     acting = actionlib.SimpleActionClient(action, TestAction)
     acting.wait_for_server()
     log(up=True)
@@ -208,7 +201,6 @@ def client(  # noqa: PLR0913 - words of a command line
         done = acting.wait_for_result(rospy.Duration(60))
         log(goal=number, done=done, state=acting.get_state(), seconds=time.monotonic() - start)
         number += 1
-        time.sleep(int(pause) / 1000)
     log(ended=True)
 
 
