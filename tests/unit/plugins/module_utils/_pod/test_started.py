@@ -26,6 +26,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     PUBLISHER,
     SUBSCRIBER,
     URI,
+    Clock,
     World,
     bus,
     contract,
@@ -33,21 +34,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
 
 SETTINGS = Settings(OWN, expect_node=True)
 UNHEARD = f"not ready: edge {OWN} -> /out -> {SUBSCRIBER}: {SUBSCRIBER} is not connected to {OWN}"
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.at = 0.0
-        self.when: list[tuple[float, Any]] = []
-
-    def now(self) -> float:
-        return self.at
-
-    def sleep(self, seconds: float) -> None:
-        self.at += seconds
-        for at, change in [item for item in self.when if item[0] <= self.at]:
-            self.when.remove((at, change))
-            change()
 
 
 @pytest.fixture(autouse=True)
