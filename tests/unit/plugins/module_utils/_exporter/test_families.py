@@ -57,7 +57,7 @@ COUNTERS = st.lists(
 )
 
 
-@settings(max_examples=100 if os.environ.get("ROSOPS_TEST_ALL") else 40)
+@settings(max_examples=100 if os.environ.get("ROSOPS_TEST_ALL") else 40, deadline=None)
 @given(WORDS, GAUGES, COUNTERS)
 def test_whatever_is_in_it_comes_back_from_the_real_parser(help_: str, gauges: Any, counters: Any) -> None:
     made = [Family("ros_up", GAUGE, help_, gauges), Family("ros_messages_total", COUNTER, help_, counters)]
