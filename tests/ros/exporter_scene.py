@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import subprocess
-import time
 import urllib.request
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,8 +16,7 @@ from scene import Scene, free_port, until
 class Metrics:
     """One scrape, read by a strict parser."""
 
-    def __init__(self, text: str, at: float, seconds: float) -> None:
-        self.at, self.seconds, self.text = at, seconds, text
+    def __init__(self, text: str) -> None:
         self.samples = [
             (sample.name, dict(sample.labels), float(sample.value))
             for family in text_string_to_metric_families(text)
@@ -45,30 +43,18 @@ class ExporterScene(Scene):
         super().__init__(directory)
         self.exporter_port = free_port()
 
-    def start_exporter(self, *options: str, interval: float = 1.0, timeout: float = 1.0) -> subprocess.Popen[bytes]:
+    def start_exporter(self, interval: float, timeout: float) -> subprocess.Popen[bytes]:
         """As beside an external master: it keeps nothing, and so leaves the graph alone."""
         process = self.start_code(
             "keeper", "--keep", "off", "--port", str(self.exporter_port), "--interval", f"{interval:g}",
-            "--timeout", f"{timeout:g}", *options,
+            "--timeout", f"{timeout:g}",
         )  # fmt: skip
         until("a scrape", self.scrape)
         return process
 
     def scrape(self) -> Metrics:
-        began, at = time.monotonic(), time.time()
         with urllib.request.urlopen(f"http://127.0.0.1:{self.exporter_port}/metrics", timeout=5) as reply:
-            text = reply.read().decode()
-        return Metrics(text, at, time.monotonic() - began)
-
-    def until(self, what: str, name: str, expected: float, seconds: float = 30.0, **labels: str) -> Metrics:
-        """Scrape until a metric has a value."""
-
-        def true() -> Any:
-            found = self.scrape()
-            return found if found(name, **labels) == expected else None
-
-        made: Metrics = until(what, true, seconds)
-        return made
+            return Metrics(reply.read().decode())
 
     def published(self, name: str, at: float) -> float:
         """How many messages the publisher itself says it had published at that time."""

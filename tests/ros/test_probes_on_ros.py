@@ -14,12 +14,11 @@ from typing import Any
 
 import pytest
 from pod_code import write_code
-from scene import PYTHON, SUCCEEDED, Scene, until
+from scene import PYTHON, Scene, until
 
 SETTINGS = {
     "expect_node": True, "actions": [], "stop_deadline": 20, "command": None, "min_rates": {}, "keeper": None,
 }  # fmt: skip
-UINT64 = "1b2a79973e8bf53d7b53acb71299cb57"  # md5sum of std_msgs/UInt64
 
 
 class Pod:
@@ -35,13 +34,6 @@ class Pod:
         self.hooks.mkdir(parents=True)
         write_code(self.hooks)
         self.settings = json.dumps({**SETTINGS, "node": f"/{name}", **settings})
-
-    def owe(self, **contract: Any) -> None:
-        content = {
-            "revision": "0a1b2c3d", "tolerance": 0.1, "nodes": [self.node], "edges": [],
-            "topics": {}, "subscriptions": {}, "services": {}, "actions": [], **contract,
-        }  # fmt: skip
-        (self.hooks / "contract.json").write_text(json.dumps(content))
 
     def environ(self) -> dict[str, str]:
         return {
@@ -71,13 +63,6 @@ def pods(scene: Scene) -> Iterator[Any]:
     yield pod
     for item in made:
         item.forget()
-
-
-def talking(scene: Scene, pod: Pod) -> None:
-    scene.start_master()
-    scene.start("listener", "/listener")
-    scene.until_registered("/listener")
-    scene.start("talker", pod.node)
 
 
 @pytest.mark.parametrize("own_name", [False, True])
@@ -139,25 +124,6 @@ def test_a_subscriber_that_came_in_the_same_moment_is_told_of_the_publisher(scen
     until("numbers", lambda: scene.log("/listener")[-1].get("count"))
 
 
-@pytest.mark.parametrize(
-    ("owed", "why"),
-    [
-        ({"type": "std_msgs/UInt64", "md5sum": UINT64, "rate": 500.0}, ""),
-        ({"type": "std_msgs/String"}, "the type is std_msgs/UInt64 at "),
-        ({"type": "std_msgs/UInt64", "md5sum": "0" * 32}, "this version's definition of std_msgs/UInt64 has the md5"),
-    ],
-)
-def test_a_contract_is_kept_or_the_version_cannot_become_ready(scene: Scene, pods: Any, owed: Any, why: str) -> None:
-    pod = pods("talker")
-    pod.owe(topics={"/numbers": {"publishers": {pod.node: {"rate": owed.get("rate")}}, **owed}})
-    talking(scene, pod)
-    began = time.monotonic()
-    status, line = pod.call("started")
-    assert (status, time.monotonic() - began < 9) == (bool(why), True)
-    assert line.startswith(f"cannot become ready: topic /numbers: {why}" if why else "")
-    assert bool(line) == bool(why)
-
-
 def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_for(scene: Scene, pods: Any) -> None:
     """rospy's threads end with the process: the caller of a node that is shut down at once gets an error."""
     pod = pods("planner")
@@ -173,26 +139,3 @@ def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_fo
     assert time.monotonic() - began < 15  # a client that is waited for takes 17, all that the deadline allows
     until("the answer", lambda: len(scene.log("/caller")) > 0)
     assert scene.log("/caller")[0]["ok"] is True
-
-
-@pytest.mark.parametrize("named", [True, False])
-def test_a_busy_server_is_let_finish_and_one_that_the_app_names_itself_not_shut_down(
-    scene: Scene, pods: Any, named: bool
-) -> None:
-    """As under roslaunch, which would take the end of a node for its failure."""
-    pod = pods("worker", expect_node=named)
-    node = pod.node if named else "/move_base"
-    scene.start_master()
-    scene.start("server", node)
-    if named:
-        assert pod.call("started") == (0, "")
-    scene.start("client", "/boss", "/work", "1", "1", "3000")
-    until("a goal under way", lambda: any("start" in line for line in scene.log(node)))
-    began = time.monotonic()
-    assert pod.call("stop") == (0, "rosops.fleet: goals of /work are not held: there is no keeper")
-    assert 1.5 < time.monotonic() - began < 9
-    until("the result", lambda: any("goal" in line for line in scene.log("/boss")))
-    assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED]
-    assert not any("broken" in line for line in scene.log(node))
-    assert node not in scene.registered()
-    assert named or scene.processes[node].poll() is None  # it lives until it gets its signal

@@ -62,7 +62,7 @@ def until(true: Callable[[], Any]) -> None:
     end = time.monotonic() + 10
     while not true():
         assert time.monotonic() < end
-        time.sleep(0.002)
+        time.sleep(0.005)
 
 
 def read_request(sock: socket.socket) -> None:

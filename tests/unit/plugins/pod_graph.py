@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
@@ -24,6 +25,23 @@ URI = "http://127.0.0.1:40001/"
 def bus(*edges: tuple[str, str]) -> list[list[Any]]:
     """getBusInfo's rows of connections to subscribers: (topic, subscriber)."""
     return [[number, peer, "o", "TCPROS", topic, 1] for number, (topic, peer) in enumerate(edges)]
+
+
+class Clock:
+    """Time passes while somebody sleeps, and things happen at their times."""
+
+    def __init__(self) -> None:
+        self.at = 0.0
+        self.when: list[tuple[float, Callable[[], Any]]] = []
+
+    def now(self) -> float:
+        return self.at
+
+    def sleep(self, seconds: float) -> None:
+        self.at += seconds
+        for at, change in [one for one in self.when if one[0] <= self.at]:
+            self.when.remove((at, change))
+            change()
 
 
 class World:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable
 from typing import Any
 
@@ -22,7 +23,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families im
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import History, Snapshot
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.bus_stats import OUT
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from prometheus_client.openmetrics import exposition
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
@@ -56,6 +57,7 @@ COUNTERS = st.lists(
 )
 
 
+@settings(max_examples=100 if os.environ.get("ROSOPS_TEST_ALL") else 40, deadline=None)
 @given(WORDS, GAUGES, COUNTERS)
 def test_whatever_is_in_it_comes_back_from_the_real_parser(help_: str, gauges: Any, counters: Any) -> None:
     made = [Family("ros_up", GAUGE, help_, gauges), Family("ros_messages_total", COUNTER, help_, counters)]

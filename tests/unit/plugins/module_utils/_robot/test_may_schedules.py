@@ -36,7 +36,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.rob
     rosops_may,
 )
 
-SCHEDULES = 1000 if os.environ.get("ROSOPS_TEST_ALL") else 40
+SCHEDULES = 1000 if os.environ.get("ROSOPS_TEST_ALL") else 20
 TURNS = 300
 MAY = rosops_may()
 

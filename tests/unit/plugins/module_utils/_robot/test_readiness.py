@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import count, pairwise
 from threading import BoundedSemaphore
@@ -42,7 +42,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client im
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import APP, READINESS, REVISION, SETTINGS
-from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, World, bus, contract
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, Clock, World, bus, contract
 
 ADDRESS = "127.0.0.1"
 KNOWN = {"app": "talker", "node": "/talker", "expect_node": True, "min_rates": {}, "space": "/"}
@@ -151,14 +151,14 @@ class Api:
         yield from self.events
 
 
-class Scene:
+class Scene(Clock):
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.world, self.api, self.at, self.restarted_at = World(), Api(), 0.0, -1.0
+        super().__init__()
+        self.world, self.api, self.restarted_at = World(), Api(), -1.0
         self.done: list[tuple[str, ...]] = []
         self.ended: list[str] = []  # addresses
         self.has_ended = self.ended.append
         self.log: list[str] = []
-        self.soon: list[tuple[float, Callable[[], Any]]] = []
         self.places = {OWN: URI}  # all others are elsewhere
         self.whole_since = -1.0
         self.away, self.looks = False, 0  # the master, and looks at all that is registered
@@ -185,7 +185,7 @@ class Scene:
             lambda node, _uri, _seconds: self.done.append(("keep_latched", node)),
             cast("Keeper", self),
             self.log.append,
-            lambda: self.at,
+            self.now,
             self.sleep,
         )
         monkeypatch.setattr(self.gates, "start", lambda work: work())
@@ -203,12 +203,6 @@ class Scene:
 
     def is_whole(self, since: float) -> bool:
         return since >= self.whole_since
-
-    def sleep(self, seconds: float) -> None:
-        self.at += seconds
-        for at, change in [one for one in self.soon if one[0] <= self.at]:
-            self.soon.remove((at, change))
-            change()
 
     def owe(self, **changes: Any) -> None:
         self.api.record = {"data": {"contract.json": json.dumps({**contract(**changes).as_dict(), "run": "1"})}}
@@ -258,7 +252,7 @@ def test_a_look_has_its_turn_and_the_pause_between_two_is_others(scene: Scene, m
 def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
     scene.owe()
     scene.world.replies(OWN, bus=bus())
-    scene.soon = [(5.0, lambda: scene.world.replies(OWN, bus=bus(("/out", "/listener"))))]
+    scene.when = [(5.0, lambda: scene.world.replies(OWN, bus=bus(("/out", "/listener"))))]
     scene.gates.take(pod())
     said = [(status, text) for _uid, status, text in scene.api.conditions]
     assert said[-2:] == [
@@ -271,7 +265,7 @@ def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
 
 def test_what_waiting_cannot_mend_is_told_at_once(scene: Scene) -> None:
     scene.owe(topics={"/out": {"type": "std_msgs/Bool", "publishers": {OWN: {}}}})
-    scene.soon = [(0.3, lambda: scene.gates.pods.clear())]  # it is gone by then
+    scene.when = [(0.3, lambda: scene.gates.pods.clear())]  # it is gone by then
     scene.gates.take(pod())
     ((_uid, status, text),) = scene.api.conditions
     assert (status, text[:60]) == ("False", "cannot become ready: topic /out: the type is std_msgs/String")
@@ -280,7 +274,7 @@ def test_what_waiting_cannot_mend_is_told_at_once(scene: Scene) -> None:
 def test_the_reason_changes_once_a_second_at_most(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     scene.owe()
     monkeypatch.setattr(scene.world, "state", master_away)
-    scene.soon = [(4.05, lambda: scene.gates.pods.clear())]
+    scene.when = [(4.05, lambda: scene.gates.pods.clear())]
     scene.gates.take(pod())
     assert len(scene.api.conditions) in (4, 5)
 
@@ -296,7 +290,7 @@ def test_another_container_is_another_proof(scene: Scene) -> None:
 
 def test_a_container_that_ends_meanwhile_is_looked_at_no_more(scene: Scene) -> None:
     scene.world.replies(OWN, bus=bus())
-    scene.soon = [(2.0, lambda: scene.gates.take(pod(runs="")))]
+    scene.when = [(2.0, lambda: scene.gates.take(pod(runs="")))]
     scene.gates.take(pod())
     assert {status for _uid, status, _text in scene.api.conditions} == {"False"}
     assert not scene.gates.at_work
@@ -310,7 +304,7 @@ def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
     def mended() -> None:
         scene.api.refuses = 0
 
-    scene.soon = [(3.0, mended)]
+    scene.when = [(3.0, mended)]
     scene.gates.take(pod())
     assert bool(scene.api.conditions) == again
 
@@ -387,7 +381,7 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
         if comes is None:
             scene.world.state = master_away  # type: ignore[method-assign]
 
-    scene.soon = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
+    scene.when = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
     scene.gates.take(starting)
     assert len(scene.api.evicted) == evicted
 
@@ -461,7 +455,7 @@ def test_a_namespace_that_refuses_is_asked_ever_more_seldom(scene: Scene, status
 
     scene.api.pods_since = refused  # type: ignore[method-assign]
     scene.gates.pods = {"old": pod("old")}  # looked at just now
-    scene.soon = [(1.5, lambda: gone.extend([not scene.gates.pods]))]
+    scene.when = [(1.5, lambda: gone.extend([not scene.gates.pods]))]
     scene.gates.run()
     assert gone == [True]
     pauses = [after - before for before, after in pairwise(asked)]
