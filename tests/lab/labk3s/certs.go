@@ -24,7 +24,7 @@ const (
 	clockSlack = time.Hour
 )
 
-// caNames are the CA files under server/tls that every server must share.
+// caNames are the CA files under server/tls.
 var caNames = []string{"server-ca", "client-ca", "request-header-ca", "etcd/server-ca", "etcd/peer-ca"}
 
 type authority struct {
