@@ -2,10 +2,7 @@ package main
 
 import (
 	"context"
-	"encoding/json"
 	"fmt"
-	"sort"
-	"strings"
 	"time"
 
 	corev1 "k8s.io/api/core/v1"
@@ -19,8 +16,7 @@ import (
 )
 
 // runNodeController keeps what follows from the list of nodes: the role of
-// this server's own node, the nodes' names in the cluster's DNS, and, when a
-// node is deleted, the end of its password.
+// this server's own node and, when a node is deleted, the end of its password.
 func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface) {
 	factory := informers.NewSharedInformerFactory(kube, 0)
 	nodes := factory.Core().V1().Nodes()
@@ -60,9 +56,6 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 					err = markServer(ctx, node, kube)
 				}
 			}
-			if err == nil {
-				err = nameNodes(ctx, all, kube)
-			}
 		}
 		if err != nil && ctx.Err() == nil && err.Error() != said {
 			said = err.Error()
@@ -79,42 +72,6 @@ func markServer(ctx context.Context, node *corev1.Node, kube kubernetes.Interfac
 	}
 	patch := fmt.Sprintf(`{"metadata":{"labels":{%q:"true"}}}`, role)
 	_, err := kube.CoreV1().Nodes().Patch(ctx, node.Name, types.MergePatchType, []byte(patch), metav1.PatchOptions{})
-	return err
-}
-
-// nodeHosts is the hosts file that CoreDNS serves the nodes' names from.
-func nodeHosts(nodes []*corev1.Node) string {
-	var lines []string
-	for _, node := range nodes {
-		if address := nodeAddress(node); address != "" {
-			lines = append(lines, address+" "+node.Name)
-		}
-	}
-	sort.Strings(lines)
-	if len(lines) == 0 {
-		return ""
-	}
-	return strings.Join(lines, "\n") + "\n"
-}
-
-func nameNodes(ctx context.Context, nodes []*corev1.Node, kube kubernetes.Interface) error {
-	maps := kube.CoreV1().ConfigMaps(metav1.NamespaceSystem)
-	current, err := maps.Get(ctx, "coredns", metav1.GetOptions{})
-	if apierrors.IsNotFound(err) {
-		return nil // not applied yet
-	}
-	if err != nil {
-		return err
-	}
-	hosts := nodeHosts(nodes)
-	if current.Data["NodeHosts"] == hosts {
-		return nil
-	}
-	patch, err := json.Marshal(map[string]any{"data": map[string]string{"NodeHosts": hosts}})
-	if err != nil {
-		return err
-	}
-	_, err = maps.Patch(ctx, "coredns", types.MergePatchType, patch, metav1.PatchOptions{})
 	return err
 }
 
