@@ -30,6 +30,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     begin,
     drawn,
     outcome_of,
+    points,
     run_of,
     running,
     settings,
@@ -40,7 +41,6 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     SimulatedCluster,
     SimulatedHost,
     Simulation,
-    points,
 )
 
 # of what is drawn; all of it takes minutes
@@ -53,7 +53,7 @@ DEAD = 3 * 3600.0 if ALL else 3600.0  # the keeper waits for minutes at most
 def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
     sim, wanted = begin(name, "good")
     sim.run(wanted, settings(soak=0.0))
-    for fault, at in points([*sim.calls], ["half-killed"]):
+    for fault, at in points(sim, ["half-killed"]):
         sim, wanted = begin(name, "good")
         assert sim.run(wanted, settings(soak=0.0), fault, at) is None
         step = [app.name for app in wanted.apps]
@@ -83,7 +83,8 @@ def test_a_new_app_is_there_or_gone() -> None:
         sim, _wanted = begin("overlap", "good")
         wanted = robot(app("sensor", OLD), app("driver", image(version), pattern=None))
         sim.run(wanted, settings())
-        for fault, at in [("", 1), *drawn(points(sim.calls[:14], ["killed", "half"]), EVERY, turn, ["half"])]:
+        early = [point for point in points(sim, ["killed", "half"]) if point[1] <= 14]
+        for fault, at in [("", 1), *drawn(early, EVERY, turn, ["half"])]:
             sim, _wanted = begin("overlap", "good")
             sim.run(wanted, settings(), fault, at)
             sim.restore()
@@ -552,7 +553,7 @@ def test_a_refused_version_stays_refused_without_anybody(name: str, version: str
     sim.run(wanted, settings())
     apps = [app.name for app in wanted.apps]
     # one call of every SHARE, turned by one from version to version
-    for fault, at in drawn(points([*sim.calls], KILLS), SHARE, ALONE.index((name, version))):
+    for fault, at in drawn(points(sim, KILLS), SHARE, ALONE.index((name, version))):
         sim, wanted = begin(name, version)
         old = {app: running(sim, app) for app in apps}
         sim.skew = (-DAY, 0.0, DAY)[at % 3]
@@ -572,9 +573,9 @@ def test_the_way_back_by_request(name: str) -> None:
 
     sim, found = back()
     assert found and found.outcome == "updated"
-    calls, old = [*sim.calls], SCENARIOS[name].robot(OLD)
+    faults, old = drawn(points(sim), BACKS, [*SCENARIOS].index(name)), SCENARIOS[name].robot(OLD)
     assert outcome_of(sim, old).outcome == "unchanged"
-    for fault, at in drawn(points(calls), BACKS, [*SCENARIOS].index(name)):
+    for fault, at in faults:
         sim, _found = back(fault, at)
         sim.restore()
         assert outcome_of(sim, old).outcome in ("updated", "unchanged"), (fault, at)
