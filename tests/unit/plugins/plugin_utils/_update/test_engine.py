@@ -169,6 +169,8 @@ def test_a_version_that_an_edge_host_lacks_is_not_begun(back: bool, check: bool)
     assert running(sim, "chart") == there
     more = {"edge1": [OLD, lacks], "edge2": [has, lacks]}
     assert outcome_of(sim, new, check=check, request=request, edge_images=more).outcome == "updated"
+    local = robot(app("chart", image("good", 7), placement="local"))  # no edge host has to have it
+    assert outcome_of(sim, local, check=check, edge_images={"edge1": []}).outcome == "updated"
 
 
 def selectors(sim: Simulation) -> dict[str, list[str]]:
