@@ -96,11 +96,7 @@ type site struct {
 
 func startSite(t *testing.T) *site {
 	t.Helper()
-	return startSiteOf(t, &config{dataDir: dataDir(t.TempDir()), NodeName: "edge1", NodeIP: "127.0.0.1"})
-}
-
-func startSiteOf(t *testing.T, c *config) *site {
-	t.Helper()
+	c := &config{dataDir: dataDir(t.TempDir()), NodeName: "edge1", NodeIP: "127.0.0.1"}
 	cas, err := ensureCAs(c.dataDir)
 	if err != nil {
 		t.Fatal(err)
