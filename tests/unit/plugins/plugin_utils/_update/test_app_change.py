@@ -241,11 +241,12 @@ def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(
     assert goal is None or goal.ended  # it is waited for
 
 
+def refuse(*_unused: object) -> None:
+    raise RosError("the ROS master does not answer")
+
+
 @pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
 def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_unused: object) -> None:
-        raise RosError("the ROS master does not answer")
-
     sim, wanted, _at = silent("sensor", "good")
     monkeypatch.setattr(SimulatedHost, "graph", refuse)
     found = outcome_of(sim, wanted, on_busy=policy)
@@ -638,10 +639,6 @@ def test_a_new_master_that_is_reached_by_every_second_question_gets_the_registra
 @pytest.mark.parametrize("name", ["drain", "replace"])
 def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """They come with the old version again; and without it nothing serves."""
-
-    def refuse(*_unused: object) -> None:
-        raise RosError("the ROS master does not answer")
-
     sim, wanted = begin(name, "never-starts")
     monkeypatch.setattr(SimulatedHost, "register", refuse)
     assert outcome_of(sim, wanted).outcome == "rolled-back"
