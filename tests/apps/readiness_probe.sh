@@ -1,3 +1,3 @@
 #!/bin/sh
-# Readiness by file, as in the seed: the application makes READY_FILE when it is ready and removes it when it stops.
-test -f "${READY_FILE:-/tmp/ready}"
+# Readiness by file, as in the seed: the application makes this file when it is ready and removes it when it stops.
+test -f /tmp/ready

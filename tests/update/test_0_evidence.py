@@ -32,27 +32,28 @@ def started(at: float, name: str) -> dict[str, Any]:
     return {"time": at, "event": "goal started", "goal": name}
 
 
-def test_what_two_subscribers_received_together_is_whole() -> None:
-    logs = {evidence.STATS: [stats(1, [1, 10]), stats(2, [8, 30], node="/b"), stats(2.5, [11, 12])]}
-    found = losses(logs, 0, 9)
-    assert (found.messages, found.lost, found.nothing) == (30, 0, True)
+WHOLE = [stats(1, [1, 10]), stats(2, [8, 30], node="/b"), stats(2.5, [11, 12])]  # what two received together
+HOLE = [stats(1, [1, 10]), stats(2, [14, 20])]
+GAVE_UP, TWO = (
+    [published(1, 0, [1, 10]), published(2, 2, [13, 20])],
+    [published(1, 0, [1, 10]), {**published(2, 0, [13, 20]), "node": "/q"}],
+)
 
 
-def test_a_hole_is_lost() -> None:
-    found = losses({evidence.STATS: [stats(1, [1, 10]), stats(2, [14, 20])]}, 0, 9)
-    assert (found.lost, found.nothing) == (3, False)
-
-
-def test_what_the_sensor_itself_gave_up_is_told_apart() -> None:
-    sensor = [published(1, 0, [1, 10]), published(2, 2, [13, 20])]
-    found = losses({evidence.STATS: [stats(1, [1, 10]), stats(2, [14, 20])], evidence.PUBLISHED: sensor}, 0, 9)
-    assert (found.lost, found.given_up) == (1, 2)
-
-
-def test_what_two_sensors_left_out_between_them_is_lost() -> None:
-    sensor = [published(1, 0, [1, 10]), {**published(2, 0, [13, 20]), "node": "/q"}]
-    found = losses({evidence.STATS: [stats(1, [1, 10]), stats(2, [13, 20])], evidence.PUBLISHED: sensor}, 0, 9)
-    assert (found.lost, found.given_up) == (2, 0)
+@pytest.mark.parametrize(
+    ("received", "sent", "since", "counts"),
+    [
+        (WHOLE, [], 0, (30, 0, 0)),
+        (HOLE, [], 0, (17, 3, 0)),
+        (HOLE, GAVE_UP, 0, (17, 1, 2)),  # what the sensor itself gave up is told apart
+        (HOLE, TWO, 0, (17, 3, 0)),  # what two sensors left out between them is lost
+        ([*HOLE, stats(3, [21, 30])], [], 1.5, (17, 0, 0)),  # what is outside of the time does not count
+    ],
+)
+def test_messages(received: evidence.Records, sent: evidence.Records, since: float, counts: tuple[int, ...]) -> None:
+    found = losses({evidence.STATS: received, evidence.PUBLISHED: sent}, since, 9)
+    assert (found.messages, found.lost, found.given_up) == counts
+    assert found.nothing is (found.lost == 0)
 
 
 def test_failed_requests_and_goals() -> None:
@@ -70,11 +71,6 @@ def test_a_goal_that_was_started_before_and_again_now_is_executed_twice() -> Non
     logs = {evidence.SERVER + "old.jsonl": [started(1, "g")], evidence.SERVER + "new.jsonl": [started(5, "g")]}
     assert losses(logs, 4, 9).twice == ["goal g executed twice"]
     assert losses(logs, 6, 9).twice == []
-
-
-def test_what_is_outside_of_the_time_does_not_count() -> None:
-    logs = {evidence.STATS: [stats(1, [1, 10]), stats(2, [14, 20]), stats(3, [21, 30])]}
-    assert losses(logs, 1.5, 9).lost == 0
 
 
 def account(

@@ -1,6 +1,4 @@
 #!/bin/sh
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Usage: build.sh DESTINATION   (a directory; the programs are put into it)

@@ -1,5 +1,3 @@
-// Copyright: (c) 2026, rosops.fleet contributors
-// GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What both programs do the same way: settings, readiness file, clean stop (rosops_apps/node.py and settings.py in C++).
 #pragma once
@@ -57,7 +55,7 @@ inline std::string version() {
     return text.empty() ? "unversioned" : text;
 }
 
-inline std::string ready_file() { return setting("READY_FILE", "/tmp/ready"); }
+constexpr auto kReady = "/tmp/ready";
 
 inline std::atomic<bool> stop_asked{false};
 inline bool stopping() { return stop_asked || ros::isShuttingDown(); }
@@ -68,7 +66,7 @@ inline JsonLine event(const std::string& name) {
 inline void say(const JsonLine& line) { std::cout << line.text() << std::flush; }
 
 inline void ready() {
-    std::ofstream(ready_file()) << "ready\n";
+    std::ofstream(kReady) << "ready\n";
     say(event("ready"));
 }
 
@@ -85,7 +83,7 @@ int run(int argc, char** argv, const std::string& name, Read read_settings, Appl
     std::error_code none;
     try {
         const auto values = read_settings();
-        std::filesystem::remove(ready_file(), none);
+        std::filesystem::remove(kReady, none);
         ros::init(argc, argv, name, ros::init_options::NoSigintHandler);
         std::signal(SIGINT, [](int) { stop_asked = true; });
         // SIGTERM stays as roscpp has it, which is not at all: as process 1 of a container it does nothing.
@@ -101,7 +99,7 @@ int run(int argc, char** argv, const std::string& name, Read read_settings, Appl
         std::cerr << name << ": " << error.what() << std::endl;
         return 1;
     }
-    std::filesystem::remove(ready_file(), none);
+    std::filesystem::remove(kReady, none);
     return 0;
 }
 

@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What every application's process does the same way: settings, ROS node, readiness file, clean stop."""
 
@@ -10,6 +8,7 @@ import os
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any, Callable, TypeVar
 
 from . import settings
@@ -20,6 +19,7 @@ os.environ.setdefault("ROS_LOG_DIR", "/tmp/ros-log")  # noqa: S108 - rospy wants
 import rospy  # type: ignore[import-not-found]
 
 T = TypeVar("T")
+READY = Path("/tmp/ready")  # noqa: S108 - a container's own /tmp
 LINGER_SECONDS = 0.05
 LEAVE_SECONDS = 5.0
 
@@ -58,7 +58,7 @@ def say(event: str, **fields: Any) -> None:
 
 def ready() -> None:
     """Say that the application is ready."""
-    settings.ready_file().write_text("ready\n", encoding="utf-8")
+    READY.write_text("ready\n", encoding="utf-8")
     say("ready")
 
 
@@ -104,7 +104,7 @@ def run(name: str, read_settings: Callable[[], T], application: Callable[[T], No
         settings.metrics_port()
     except settings.SettingError as error:
         sys.exit(f"{name}: {error}")
-    settings.ready_file().unlink(missing_ok=True)
+    READY.unlink(missing_ok=True)
     if faults.crash_after:
         _crash_after(faults.crash_after)
     try:
@@ -122,4 +122,4 @@ def run(name: str, read_settings: Callable[[], T], application: Callable[[T], No
     except rospy.ROSInitException as error:
         sys.exit(f"{name}: stopped before it reached the ROS master: {error}")
     finally:
-        settings.ready_file().unlink(missing_ok=True)
+        READY.unlink(missing_ok=True)

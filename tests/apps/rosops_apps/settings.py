@@ -1,5 +1,3 @@
-# Copyright: (c) 2026, rosops.fleet contributors
-# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Settings from the environment, as a container gets them."""
 
@@ -117,11 +115,6 @@ def required_log_dir(environ: Environ = None) -> Path:
     if directory is None:
         raise SettingError("LOG_DIR must name the directory of the log")
     return directory
-
-
-def ready_file(environ: Environ = None) -> Path:
-    """The file whose existence says that the application is ready."""
-    return Path(_get("READY_FILE", environ) or "/tmp/ready")  # noqa: S108 - a container's own /tmp
 
 
 def version(environ: Environ = None) -> str:

@@ -85,7 +85,7 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 		if port == "" {
 			port = "443"
 		}
-		lb = newLoadBalancer(c.dataDir.agent("etc", "k3s-agent-load-balancer.json"), net.JoinHostPort(u.Hostname(), port))
+		lb = &loadBalancer{net.JoinHostPort(u.Hostname(), port)}
 		if err := lb.serve(ctx, balancer); err != nil {
 			return err
 		}
@@ -131,9 +131,6 @@ func runAgent(ctx context.Context, c *config, procs *processes, t token, registe
 	go runRoutes(ctx, c, kube)
 	go runNetworkPolicies(ctx, c, kube)
 	go runVolumes(ctx, c, kube)
-	if lb != nil {
-		go followServers(ctx, kube, lb)
-	}
 	return nil
 }
 
@@ -188,23 +185,7 @@ func tryJoin(ctx context.Context, c *config, supervisor string, t token, passwor
 			return err
 		}
 	}
-	if lb != nil {
-		var servers []string
-		if err := j.getJSON(ctx, "/v1-k3s/apiservers", &servers); err != nil {
-			return err
-		}
-		lb.update(servers)
-	}
 	return nil
-}
-
-func followServers(ctx context.Context, kube kubernetes.Interface, lb *loadBalancer) {
-	_ = poll(ctx, 10*time.Second, 0, func() (bool, error) {
-		if servers, err := apiServers(ctx, kube); err == nil {
-			lb.update(servers)
-		}
-		return false, nil
-	})
 }
 
 // prepareHost sets what pods and Services need of the kernel. On a host that

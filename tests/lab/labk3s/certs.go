@@ -8,7 +8,6 @@ import (
 	"crypto/x509/pkix"
 	"encoding/pem"
 	"fmt"
-	"math/big"
 	"net"
 	"os"
 	"time"
@@ -24,7 +23,7 @@ const (
 	clockSlack = time.Hour
 )
 
-// caNames are the CA files under server/tls that every server must share.
+// caNames are the CA files under server/tls.
 var caNames = []string{"server-ca", "client-ca", "request-header-ca", "etcd/server-ca", "etcd/peer-ca"}
 
 type authority struct {
@@ -102,11 +101,10 @@ type leaf struct {
 func (l leaf) template() *x509.Certificate {
 	now := time.Now()
 	t := &x509.Certificate{
-		SerialNumber: serial(),
-		Subject:      pkix.Name{CommonName: l.name, Organization: l.groups},
-		NotBefore:    now.Add(-clockSlack),
-		NotAfter:     now.Add(leafLife),
-		KeyUsage:     x509.KeyUsageDigitalSignature | x509.KeyUsageKeyEncipherment,
+		Subject:   pkix.Name{CommonName: l.name, Organization: l.groups},
+		NotBefore: now.Add(-clockSlack),
+		NotAfter:  now.Add(leafLife),
+		KeyUsage:  x509.KeyUsageDigitalSignature | x509.KeyUsageKeyEncipherment,
 	}
 	if l.client {
 		t.ExtKeyUsage = append(t.ExtKeyUsage, x509.ExtKeyUsageClientAuth)
@@ -203,14 +201,6 @@ func parseCert(content []byte) (*x509.Certificate, error) {
 
 func certPEM(der []byte) []byte {
 	return pem.EncodeToMemory(&pem.Block{Type: "CERTIFICATE", Bytes: der})
-}
-
-func serial() *big.Int {
-	n, err := rand.Int(rand.Reader, new(big.Int).Lsh(big.NewInt(1), 127))
-	if err != nil {
-		panic(err) // crypto/rand does not fail
-	}
-	return n
 }
 
 // serverLeaves are the certificates of one server, all but the node's own.

@@ -99,6 +99,8 @@ func (c *config) check() (err error) {
 		return errors.New("--server is required")
 	case !c.server && (c.SecretsEncryption || len(c.APIServerArgs)+len(c.ControllerArgs) > 0):
 		return errors.New("secrets-encryption, kube-apiserver-arg and kube-controller-manager-arg are for servers")
+	case c.server && c.ServerURL != "":
+		return errors.New("server: labk3s lacks a server that joins another one")
 	case c.ServerURL != "" && c.token == "":
 		return errors.New("--token is required")
 	case c.ServerURL != "" && !strings.HasPrefix(c.ServerURL, "https://"):

@@ -2,12 +2,8 @@ package main
 
 import (
 	"context"
-	"os"
-	"strings"
 	"time"
 
-	apierrors "k8s.io/apimachinery/pkg/api/errors"
-	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
 	"k8s.io/client-go/kubernetes"
 )
 
@@ -69,6 +65,7 @@ func controllerArgs(c *config) map[string]string {
 		"configure-cloud-routes":           "false",
 		"controllers":                      "*,tokencleaner",
 		"kubeconfig":                       kubeconfig,
+		"leader-elect":                     "false", // there is no other server
 		"profiling":                        "false",
 		"root-ca-file":                     tls("server-ca.crt"),
 		"service-account-private-key-file": tls("service.key"),
@@ -92,6 +89,7 @@ func schedulerArgs(c *config) map[string]string {
 		"authorization-kubeconfig":  kubeconfig,
 		"bind-address":              "127.0.0.1",
 		"kubeconfig":                kubeconfig,
+		"leader-elect":              "false",
 		"profiling":                 "false",
 	}
 }
@@ -115,7 +113,6 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 		return err
 	}
 	ready()
-	dropOwnLeases(ctx, kube)
 	if err := procs.component("kube-controller-manager", arguments(controllerArgs(c), c.ControllerArgs...)); err != nil {
 		return err
 	}
@@ -129,27 +126,4 @@ func waitReady(ctx context.Context, kube kubernetes.Interface) error {
 		_, err := request.MaxRetries(0).DoRaw(ctx) // its own retries come once a second
 		return err == nil, nil
 	})
-}
-
-// dropOwnLeases frees the leader leases that this host's previous processes
-// held: they are dead, and waiting for the leases to run out would cost every
-// restart 15 seconds.
-func dropOwnLeases(ctx context.Context, kube kubernetes.Interface) {
-	hostname, err := os.Hostname()
-	if err != nil {
-		return
-	}
-	leases := kube.CoordinationV1().Leases(metav1.NamespaceSystem)
-	for _, name := range []string{"kube-controller-manager", "kube-scheduler"} {
-		lease, err := leases.Get(ctx, name, metav1.GetOptions{})
-		if err != nil || lease.Spec.HolderIdentity == nil || !strings.HasPrefix(*lease.Spec.HolderIdentity, hostname+"_") {
-			continue
-		}
-		err = leases.Delete(ctx, name, metav1.DeleteOptions{
-			Preconditions: &metav1.Preconditions{ResourceVersion: &lease.ResourceVersion},
-		})
-		if err != nil && !apierrors.IsNotFound(err) && !apierrors.IsConflict(err) {
-			logf("warning", "freeing the lease %s: %v", name, err)
-		}
-	}
 }

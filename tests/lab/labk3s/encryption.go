@@ -4,16 +4,10 @@ import (
 	"crypto/rand"
 	"encoding/base64"
 	"encoding/json"
-	"errors"
 )
 
-// encryptionShared is its name in what servers share.
-const encryptionShared = "encryption-config"
-
-var errOtherEncryption = errors.New("critical configuration value mismatch between servers: secrets-encryption")
-
 // encryptionFile holds the key with which the API server encrypts Secrets in
-// the datastore, if it was told to; all servers of a cluster have the same.
+// the datastore, if it was told to.
 func (c *config) encryptionFile() string {
 	return c.dataDir.server("cred", "encryption-config.json")
 }
@@ -43,18 +37,5 @@ func ensureEncryption(c *config) error {
 		return err
 	}
 	_, err = writeFile(c.encryptionFile(), content, 0o600)
-	return err
-}
-
-// takeEncryption keeps what a server that is joined has said. One that was
-// told otherwise than this one is an error, as with k3s.
-func takeEncryption(c *config, shared string) error {
-	if c.SecretsEncryption != (shared != "") {
-		return errOtherEncryption
-	}
-	if shared == "" {
-		return nil
-	}
-	_, err := writeFile(c.encryptionFile(), []byte(shared), 0o600)
 	return err
 }

@@ -5,7 +5,6 @@ import (
 	"context"
 	"crypto/tls"
 	"crypto/x509"
-	"encoding/json"
 	"errors"
 	"fmt"
 	"io"
@@ -39,7 +38,7 @@ func refused(err error) bool {
 
 // newJoiner learns the cluster's CA and, where the token names it, verifies
 // it. A short token trusts whom it meets first, as k3s's does. An agent hands
-// in its load balancer, to hear of each server why it cannot be reached.
+// in its load balancer, to hear why its server cannot be reached.
 func newJoiner(ctx context.Context, url string, t token, lb *loadBalancer) (*joiner, error) {
 	transport := func(config *tls.Config) *http.Transport {
 		// Each attempt may meet another server, so none keeps its connection.
@@ -78,14 +77,6 @@ func (j *joiner) identify(base string) {
 
 func (j *joiner) get(ctx context.Context, path string) ([]byte, error) {
 	return j.do(ctx, http.MethodGet, path, nil, nil)
-}
-
-func (j *joiner) getJSON(ctx context.Context, path string, into any) error {
-	body, err := j.get(ctx, path)
-	if err != nil {
-		return err
-	}
-	return json.Unmarshal(body, into)
 }
 
 func (j *joiner) do(ctx context.Context, method, path string, body []byte, header map[string]string) ([]byte, error) {

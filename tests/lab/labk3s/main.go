@@ -41,21 +41,6 @@ func init() {
 	}
 }
 
-const usage = `labk3s, a test stand-in for k3s. Commands:
-
-  server         run a server: control plane, etcd and an agent
-  agent          run an agent
-  kubectl        kubectl, by default with /etc/rancher/k3s/k3s.yaml
-  ctr            the host's ctr, pointed at this containerd
-  crictl         images -o json | ps -a -o json | pull IMAGE
-  etcd-snapshot  save
-  token          create | list -o json | delete ID | rotate
-  certificate    rotate
-
-Server and supervisor both answer on port 6443. Anything of k3s's that is
-missing here is an error that names it.
-`
-
 func main() {
 	// k3s works under other names as well, through links to it.
 	args := os.Args[1:]
@@ -80,16 +65,12 @@ func (c exitCode) Error() string { return fmt.Sprintf("exit status %d", int(c)) 
 
 func run(args []string) error {
 	if len(args) == 0 {
-		fmt.Print(usage)
-		return nil
+		return errors.New("labk3s wants a command")
 	}
 	command, rest := args[0], args[1:]
 	switch command {
 	case "--version", "-v", "version":
 		fmt.Printf("k3s version %s (labk3s, a test stand-in)\ngo version %s\n", version, runtime.Version())
-		return nil
-	case "help", "--help", "-h":
-		fmt.Print(usage)
 		return nil
 	case "server":
 		return serverCommand(rest)

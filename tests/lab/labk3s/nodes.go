@@ -2,14 +2,9 @@ package main
 
 import (
 	"context"
-	"encoding/json"
 	"fmt"
-	"os"
-	"sort"
-	"strings"
 	"time"
 
-	clientv3 "go.etcd.io/etcd/client/v3"
 	corev1 "k8s.io/api/core/v1"
 	apierrors "k8s.io/apimachinery/pkg/api/errors"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
@@ -20,12 +15,9 @@ import (
 	"k8s.io/client-go/tools/cache"
 )
 
-const etcdNameAnnotation = "etcd.k3s.cattle.io/node-name"
-
 // runNodeController keeps what follows from the list of nodes: the role of
-// this server's own node, the nodes' names in the cluster's DNS, and, when a
-// node is deleted, the end of its password and of its etcd member.
-func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface, etcd *clientv3.Client) {
+// this server's own node and, when a node is deleted, the end of its password.
+func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface) {
 	factory := informers.NewSharedInformerFactory(kube, 0)
 	nodes := factory.Core().V1().Nodes()
 	gone := make(chan *corev1.Node, 64)
@@ -55,17 +47,14 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 		case <-ctx.Done():
 			return
 		case node := <-gone:
-			err = forgetNode(ctx, c, node, kube, etcd)
+			err = forgetNode(ctx, node.Name, kube)
 		case <-tick.C:
 			all, listErr := nodes.Lister().List(labels.Everything())
 			err = listErr
 			for _, node := range all {
 				if err == nil && node.Name == c.NodeName {
-					err = markServer(ctx, c, node, kube)
+					err = markServer(ctx, node, kube)
 				}
-			}
-			if err == nil {
-				err = nameNodes(ctx, all, kube)
 			}
 		}
 		if err != nil && ctx.Err() == nil && err.Error() != said {
@@ -75,83 +64,22 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 	}
 }
 
-// markServer gives this server's node its role, and the name of its etcd member.
-func markServer(ctx context.Context, c *config, node *corev1.Node, kube kubernetes.Interface) error {
+// markServer gives this server's node its role.
+func markServer(ctx context.Context, node *corev1.Node, kube kubernetes.Interface) error {
 	const role = "node-role.kubernetes.io/control-plane"
-	member := ""
-	if c.managed() {
-		var err error
-		if member, err = c.etcdName(); err != nil {
-			return err
-		}
-	}
-	if node.Labels[role] == "true" && node.Annotations[etcdNameAnnotation] == member {
+	if node.Labels[role] == "true" {
 		return nil
 	}
-	patch := fmt.Sprintf(`{"metadata":{"labels":{%q:"true"},"annotations":{%q:%q}}}`, role, etcdNameAnnotation, member)
+	patch := fmt.Sprintf(`{"metadata":{"labels":{%q:"true"}}}`, role)
 	_, err := kube.CoreV1().Nodes().Patch(ctx, node.Name, types.MergePatchType, []byte(patch), metav1.PatchOptions{})
 	return err
 }
 
-// nodeHosts is the hosts file that CoreDNS serves the nodes' names from.
-func nodeHosts(nodes []*corev1.Node) string {
-	var lines []string
-	for _, node := range nodes {
-		if address := nodeAddress(node); address != "" {
-			lines = append(lines, address+" "+node.Name)
-		}
-	}
-	sort.Strings(lines)
-	if len(lines) == 0 {
-		return ""
-	}
-	return strings.Join(lines, "\n") + "\n"
-}
-
-func nameNodes(ctx context.Context, nodes []*corev1.Node, kube kubernetes.Interface) error {
-	maps := kube.CoreV1().ConfigMaps(metav1.NamespaceSystem)
-	current, err := maps.Get(ctx, "coredns", metav1.GetOptions{})
+// forgetNode lets a host of the same name, but perhaps with a new disk, come again.
+func forgetNode(ctx context.Context, node string, kube kubernetes.Interface) error {
+	err := kube.CoreV1().Secrets(metav1.NamespaceSystem).Delete(ctx, nodePasswordSecret(node), metav1.DeleteOptions{})
 	if apierrors.IsNotFound(err) {
-		return nil // not applied yet
-	}
-	if err != nil {
-		return err
-	}
-	hosts := nodeHosts(nodes)
-	if current.Data["NodeHosts"] == hosts {
 		return nil
 	}
-	patch, err := json.Marshal(map[string]any{"data": map[string]string{"NodeHosts": hosts}})
-	if err != nil {
-		return err
-	}
-	_, err = maps.Patch(ctx, "coredns", types.MergePatchType, patch, metav1.PatchOptions{})
 	return err
-}
-
-// forgetNode lets a host of the same name, but perhaps with a new disk, come
-// again, and takes a lost server out of etcd's quorum.
-func forgetNode(ctx context.Context, c *config, node *corev1.Node, kube kubernetes.Interface, etcd *clientv3.Client) error {
-	err := kube.CoreV1().Secrets(metav1.NamespaceSystem).Delete(ctx, nodePasswordSecret(node.Name), metav1.DeleteOptions{})
-	if err != nil && !apierrors.IsNotFound(err) {
-		return err
-	}
-	member := node.Annotations[etcdNameAnnotation]
-	own, err := os.ReadFile(c.etcdDir("name"))
-	if err != nil || member == "" || member == strings.TrimSpace(string(own)) {
-		return err
-	}
-	list, err := etcd.MemberList(ctx)
-	if err != nil {
-		return err
-	}
-	for _, m := range list.Members {
-		if m.Name == member {
-			logf("info", "Removing etcd member %s of deleted node %s", member, node.Name)
-			if _, err := etcd.MemberRemove(ctx, m.ID); err != nil {
-				return fmt.Errorf("removing etcd member %s: %w", member, err)
-			}
-		}
-	}
-	return nil
 }

@@ -77,8 +77,7 @@ func rotateToken(d dataDir, server string, args []string) error {
 	return nil
 }
 
-// serveTokenRotation makes another token and writes it where k3s does. What
-// k3s keeps in the datastore under it is here in files that servers share.
+// serveTokenRotation makes another token and writes it where k3s does.
 func (s *supervisor) serveTokenRotation(w http.ResponseWriter, r *http.Request) {
 	var asked map[string]string
 	body, err := io.ReadAll(io.LimitReader(r.Body, 1<<16))

@@ -6,9 +6,7 @@ import (
 	"fmt"
 	"os"
 	"os/signal"
-	"strings"
 	"syscall"
-	"time"
 
 	"go.etcd.io/etcd/server/v3/embed"
 	"k8s.io/client-go/kubernetes"
@@ -37,7 +35,7 @@ func serverCommand(args []string) error {
 }
 
 func runServer(ctx context.Context, c *config) error {
-	secret, err := prepareServer(ctx, c)
+	secret, err := prepareServer(c)
 	if err != nil {
 		return fmt.Errorf("starting kubernetes: preparing server: %w", err)
 	}
@@ -78,7 +76,7 @@ func runServer(ctx context.Context, c *config) error {
 		return runAgent(run, c, procs, own, nil)
 	})
 	guard("server", func() error {
-		server, err := startDatastore(run, c, s)
+		server, err := startEtcd(run, c)
 		if server != nil {
 			etcd <- server
 		}
@@ -109,11 +107,10 @@ func runServer(ctx context.Context, c *config) error {
 	return result
 }
 
-// prepareServer settles the token and, for a server that joins, fetches what
-// all servers share.
 var errOtherToken = errors.New("bootstrap data already found and encrypted with different token")
 
-func prepareServer(ctx context.Context, c *config) (string, error) {
+// prepareServer settles the token.
+func prepareServer(c *config) (string, error) {
 	stored := ""
 	if content, err := os.ReadFile(c.dataDir.server("token")); err == nil {
 		t, err := parseToken(string(content), "server")
@@ -137,59 +134,14 @@ func prepareServer(ctx context.Context, c *config) (string, error) {
 	if secret == "" {
 		secret = randomHex(16)
 	}
-	if c.ServerURL == "" || c.etcdInitialised() {
-		if ca, err := os.ReadFile(c.dataDir.tls("server-ca.crt")); err == nil {
-			if err := given.verifyCA(ca); err != nil {
-				return "", err
-			}
-		} else if given.caHash != "" {
-			return "", errors.New("the token names a cluster's CA, but this server would start a new cluster: give the secret alone, or --server")
+	if ca, err := os.ReadFile(c.dataDir.tls("server-ca.crt")); err == nil {
+		if err := given.verifyCA(ca); err != nil {
+			return "", err
 		}
-		return secret, nil
+	} else if given.caHash != "" {
+		return "", errors.New("the token names a cluster's CA, but this server would start a new cluster: give the secret alone")
 	}
-	return secret, poll(ctx, time.Second, 0, func() (bool, error) {
-		err := fetchBootstrap(ctx, c, given)
-		if err == nil || refused(err) || errors.Is(err, errOtherEncryption) {
-			return true, err
-		}
-		logf("warning", "Waiting for the server to join: %v", err)
-		return false, err
-	})
-}
-
-func fetchBootstrap(ctx context.Context, c *config, t token) error {
-	j, err := newJoiner(ctx, c.ServerURL, t, nil)
-	if err != nil {
-		return err
-	}
-	shared := map[string]string{}
-	if err := j.getJSON(ctx, "/v1-k3s/server-bootstrap", &shared); err != nil {
-		return err
-	}
-	if err := takeEncryption(c, shared[encryptionShared]); err != nil {
-		return err
-	}
-	for _, name := range sharedFiles() {
-		mode := os.FileMode(0o600)
-		if strings.HasSuffix(name, ".crt") {
-			mode = 0o644
-		}
-		if _, err := writeFile(c.dataDir.tls(name), []byte(shared[name]), mode); err != nil {
-			return err
-		}
-	}
-	logf("info", "Took over the cluster's certificate authorities from %s", c.ServerURL)
-	return nil
-}
-
-// sharedFiles are what all servers of a cluster have, below server/tls: one
-// that joins gets them from the one that it joins.
-func sharedFiles() []string {
-	files := []string{"service.key"}
-	for _, ca := range caNames {
-		files = append(files, ca+".crt", ca+".key")
-	}
-	return files
+	return secret, nil
 }
 
 // writeTokens writes the token files as k3s does and returns the secret that
@@ -213,55 +165,6 @@ func writeTokens(c *config, cas map[string]*authority, secret string) (string, e
 	return agent.secret, nil
 }
 
-// startDatastore starts or joins etcd.
-func startDatastore(ctx context.Context, c *config, s *supervisor) (*embed.Etcd, error) {
-	initial, joining := "", c.ServerURL != "" && !c.etcdInitialised()
-	if joining {
-		t, err := parseToken(c.token, "server")
-		if err != nil {
-			return nil, err
-		}
-		err = poll(ctx, time.Second, 0, func() (bool, error) {
-			j, err := newJoiner(ctx, c.ServerURL, t, nil)
-			var endpoints []string
-			if err == nil {
-				err = j.getJSON(ctx, "/v1-k3s/etcd-endpoints", &endpoints)
-			}
-			if err == nil {
-				initial, err = addMember(ctx, c, endpoints)
-			}
-			if err != nil {
-				// Another server may be joining: etcd takes one at a time.
-				logf("warning", "Waiting to join etcd: %v", err)
-				return false, err
-			}
-			return true, nil
-		})
-		if err != nil {
-			return nil, err
-		}
-	}
-	server, err := startEtcd(ctx, c, initial, joining)
-	if err != nil {
-		return nil, err
-	}
-	if err := promote(ctx, c, server, peersOf(server)); err != nil {
-		return server, fmt.Errorf("promoting this etcd member: %w", err)
-	}
-	s.etcd, err = c.etcdClient(etcdLocal)
-	return server, err
-}
-
-func peersOf(server *embed.Etcd) []string {
-	var endpoints []string
-	for _, member := range server.Server.Cluster().Members() {
-		if member.ID != server.Server.MemberID() && !member.IsLearner {
-			endpoints = append(endpoints, member.ClientURLs...)
-		}
-	}
-	return endpoints
-}
-
 // startAPI brings up the control plane and all that works through it.
 func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) error {
 	if err := s.serve(ctx); err != nil {
@@ -282,7 +185,7 @@ func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) e
 		return err
 	}
 	go applyPackaged(ctx, c)
-	go runNodeController(ctx, c, s.kube, s.etcd)
+	go runNodeController(ctx, c, s.kube)
 	go runProvisioner(ctx, c, s.kube)
 	return nil
 }

@@ -41,7 +41,7 @@ func snapshotCommand(args []string) error {
 }
 
 func saveSnapshot(ctx context.Context, c *config, name, dir string) error {
-	cfg, err := c.etcdClientConfig(etcdLocal)
+	cfg, err := c.etcdClientConfig()
 	if err != nil {
 		return fmt.Errorf("is this a running server? %w", err)
 	}
@@ -69,17 +69,13 @@ func clusterReset(c *config) error {
 	if !exists(path) {
 		return fmt.Errorf("etcd: snapshot path does not exist: %s", path)
 	}
-	name, err := c.etcdName()
-	if err != nil {
-		return err
-	}
 	restored := c.etcdDir() + "-restore"
 	if err := os.RemoveAll(restored); err != nil {
 		return err
 	}
-	err = snapshot.NewV3(zap.NewNop()).Restore(snapshot.RestoreConfig{
-		SnapshotPath: path, Name: name, OutputDataDir: restored,
-		PeerURLs: []string{c.etcdPeer()}, InitialCluster: name + "=" + c.etcdPeer(), InitialClusterToken: "etcd-cluster",
+	err := snapshot.NewV3(zap.NewNop()).Restore(snapshot.RestoreConfig{
+		SnapshotPath: path, Name: c.NodeName, OutputDataDir: restored,
+		PeerURLs: []string{c.etcdPeer()}, InitialCluster: c.NodeName + "=" + c.etcdPeer(), InitialClusterToken: "etcd-cluster",
 		// Watchers that saw later revisions must notice that time went back.
 		RevisionBump: 1_000_000, MarkCompacted: true,
 	})
@@ -91,9 +87,6 @@ func clusterReset(c *config) error {
 		return err
 	}
 	if err := os.Rename(restored, c.etcdDir()); err != nil {
-		return err
-	}
-	if _, err := writeFile(c.etcdDir("name"), []byte(name), 0o600); err != nil {
 		return err
 	}
 	logf("info", "Managed etcd cluster membership has been reset, restart without --cluster-reset flag now. "+

@@ -4,9 +4,7 @@ import (
 	"context"
 	"crypto/tls"
 	"crypto/x509"
-	"encoding/json"
 	"errors"
-	"fmt"
 	"io"
 	"log"
 	"net"
@@ -20,7 +18,6 @@ import (
 	"syscall"
 	"time"
 
-	clientv3 "go.etcd.io/etcd/client/v3"
 	authenticationv1 "k8s.io/api/authentication/v1"
 	corev1 "k8s.io/api/core/v1"
 	apierrors "k8s.io/apimachinery/pkg/api/errors"
@@ -48,7 +45,6 @@ type supervisor struct {
 	cas         map[string]*authority
 	serverToken string // secrets alone
 	agentToken  string
-	etcd        *clientv3.Client // nil until etcd runs
 	kube        kubernetes.Interface
 	apiReady    atomic.Bool
 	rotated     atomic.Pointer[string] // the servers' secret, once it was made anew
@@ -146,7 +142,6 @@ func (s *supervisor) handler() (http.Handler, error) {
 	node := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "node", "server") }
 	server := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "server") }
 	mux.HandleFunc("GET /v1-k3s/client-ca.crt", node(s.serveCA("client-ca")))
-	mux.HandleFunc("GET /v1-k3s/apiservers", node(s.serveAPIServers))
 	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.forNode(s.sign("server-ca", func(name, ip string) leaf {
 		return leaf{name: name, names: []string{name, "localhost", "127.0.0.1", ip}, server: true}
 	}))))
@@ -160,8 +155,8 @@ func (s *supervisor) handler() (http.Handler, error) {
 	mux.HandleFunc("POST /v1-k3s/client-k3s-controller.crt", node(s.sign("client-ca", func(string, string) leaf {
 		return leaf{name: "system:k3s-controller", client: true}
 	})))
-	mux.HandleFunc("GET /v1-k3s/server-bootstrap", server(s.serveBootstrap))
-	mux.HandleFunc("GET /v1-k3s/etcd-endpoints", server(s.serveEtcdEndpoints))
+	// What servers share would be here: who has their token may ask for it.
+	mux.HandleFunc("GET /v1-k3s/server-bootstrap", server(func(http.ResponseWriter, *http.Request) {}))
 	mux.HandleFunc("PUT /v1-k3s/token", server(s.serveTokenRotation))
 	mux.Handle("/v1-k3s/", http.NotFoundHandler())
 	mux.Handle("/", proxy)
@@ -250,15 +245,10 @@ func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
 	if r.TLS == nil || len(r.TLS.PeerCertificates) == 0 {
 		return nil
 	}
-	roots, middle := x509.NewCertPool(), x509.NewCertPool()
+	roots := x509.NewCertPool()
 	roots.AddCert(s.cas["client-ca"].cert)
-	for _, cert := range r.TLS.PeerCertificates[1:] {
-		middle.AddCert(cert)
-	}
 	leaf := r.TLS.PeerCertificates[0]
-	_, err := leaf.Verify(x509.VerifyOptions{
-		Roots: roots, Intermediates: middle, KeyUsages: []x509.ExtKeyUsage{x509.ExtKeyUsageClientAuth},
-	})
+	_, err := leaf.Verify(x509.VerifyOptions{Roots: roots, KeyUsages: []x509.ExtKeyUsage{x509.ExtKeyUsageClientAuth}})
 	if err != nil {
 		return nil
 	}
@@ -333,17 +323,6 @@ func (s *supervisor) serveCA(name string) http.HandlerFunc {
 	}
 }
 
-// serveAPIServers lists where the API can be reached, for the agents' load
-// balancers.
-func (s *supervisor) serveAPIServers(w http.ResponseWriter, r *http.Request) {
-	servers, err := apiServers(r.Context(), s.kube)
-	if err != nil {
-		http.Error(w, err.Error(), http.StatusServiceUnavailable)
-		return
-	}
-	writeJSON(w, servers)
-}
-
 // forNode lets a node have certificates of its own name alone, by its
 // password. By a certificate only a node that the cluster knows gets others.
 func (s *supervisor) forNode(next http.HandlerFunc) http.HandlerFunc {
@@ -415,76 +394,6 @@ func (s *supervisor) sign(ca string, subject func(name, ip string) leaf) http.Ha
 		}
 		_, _ = w.Write(append(cert, s.cas[ca].pem...))
 	}
-}
-
-func (s *supervisor) serveBootstrap(w http.ResponseWriter, _ *http.Request) {
-	shared := map[string]string{}
-	for _, name := range sharedFiles() {
-		content, err := os.ReadFile(s.config.dataDir.tls(name))
-		if err != nil {
-			http.Error(w, err.Error(), http.StatusInternalServerError)
-			return
-		}
-		shared[name] = string(content)
-	}
-	if s.config.SecretsEncryption {
-		content, err := os.ReadFile(s.config.encryptionFile())
-		if err != nil {
-			http.Error(w, err.Error(), http.StatusInternalServerError)
-			return
-		}
-		shared[encryptionShared] = string(content)
-	}
-	writeJSON(w, shared)
-}
-
-func (s *supervisor) serveEtcdEndpoints(w http.ResponseWriter, r *http.Request) {
-	if !s.config.managed() {
-		http.Error(w, "etcd disabled: this server runs without cluster-init", http.StatusBadRequest)
-		return
-	}
-	list, err := s.etcd.MemberList(r.Context())
-	if err != nil {
-		http.Error(w, err.Error(), http.StatusServiceUnavailable)
-		return
-	}
-	endpoints := []string{}
-	for _, member := range list.Members {
-		if !member.IsLearner {
-			endpoints = append(endpoints, member.ClientURLs...)
-		}
-	}
-	writeJSON(w, endpoints)
-}
-
-func writeJSON(w http.ResponseWriter, value any) {
-	w.Header().Set("Content-Type", "application/json")
-	if err := json.NewEncoder(w).Encode(value); err != nil {
-		logf("warning", "writing a reply: %v", err)
-	}
-}
-
-// apiServers reads the addresses behind the Service `kubernetes`.
-func apiServers(ctx context.Context, kube kubernetes.Interface) ([]string, error) {
-	found, err := kube.DiscoveryV1().EndpointSlices("default").List(ctx, metav1.ListOptions{
-		LabelSelector: "kubernetes.io/service-name=kubernetes",
-	})
-	if err != nil {
-		return nil, err
-	}
-	servers := []string{}
-	for _, slice := range found.Items {
-		for _, endpoint := range slice.Endpoints {
-			for _, address := range endpoint.Addresses {
-				for _, port := range slice.Ports {
-					if port.Port != nil {
-						servers = append(servers, net.JoinHostPort(address, fmt.Sprint(*port.Port)))
-					}
-				}
-			}
-		}
-	}
-	return servers, nil
 }
 
 // ensureNodePassword remembers a node's password when the node first comes,

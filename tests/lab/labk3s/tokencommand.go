@@ -10,12 +10,12 @@ import (
 	"strings"
 	"time"
 
-	corev1 "k8s.io/api/core/v1"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
 	"k8s.io/client-go/kubernetes"
 	"k8s.io/client-go/tools/clientcmd"
 	bootstrapapi "k8s.io/cluster-bootstrap/token/api"
 	bootstraputil "k8s.io/cluster-bootstrap/token/util"
+	bootstraptoken "k8s.io/kubernetes/cmd/kubeadm/app/apis/bootstraptoken/v1"
 )
 
 // joiners is the group that k3s gives its bootstrap tokens.
@@ -58,7 +58,15 @@ func runToken(ctx context.Context, kube kubernetes.Interface, ca []byte, args []
 		if err != nil {
 			return err
 		}
-		if _, err := secrets.Create(ctx, bootstrapSecret(made, *description, *ttl, time.Now()), metav1.CreateOptions{}); err != nil {
+		parts, err := bootstraptoken.NewBootstrapTokenString(made)
+		if err != nil {
+			return err
+		}
+		secret := bootstraptoken.BootstrapTokenToSecret(&bootstraptoken.BootstrapToken{
+			Token: parts, Description: *description, TTL: &metav1.Duration{Duration: *ttl}, // 0: without an end
+			Usages: bootstrapapi.KnownTokenUsages, Groups: []string{joiners},
+		})
+		if _, err := secrets.Create(ctx, secret, metav1.CreateOptions{}); err != nil {
 			return err
 		}
 		_, err = fmt.Fprintln(out, token{caHash: hashCA(ca), secret: made})
@@ -98,28 +106,4 @@ func runToken(ctx context.Context, kube kubernetes.Interface, ca []byte, args []
 		return nil
 	}
 	return fmt.Errorf("labk3s lacks `k3s token %s` (it has create, list, delete and rotate)", command)
-}
-
-// bootstrapSecret is what the API server and the tokencleaner read; without a
-// ttl the token has no end.
-func bootstrapSecret(made, description string, ttl time.Duration, now time.Time) *corev1.Secret {
-	id, secret, _ := strings.Cut(made, ".")
-	data := map[string][]byte{
-		bootstrapapi.BootstrapTokenIDKey:               []byte(id),
-		bootstrapapi.BootstrapTokenSecretKey:           []byte(secret),
-		bootstrapapi.BootstrapTokenUsageAuthentication: []byte("true"),
-		bootstrapapi.BootstrapTokenUsageSigningKey:     []byte("true"),
-		bootstrapapi.BootstrapTokenExtraGroupsKey:      []byte(joiners),
-	}
-	if description != "" {
-		data[bootstrapapi.BootstrapTokenDescriptionKey] = []byte(description)
-	}
-	if ttl > 0 {
-		data[bootstrapapi.BootstrapTokenExpirationKey] = []byte(now.Add(ttl).UTC().Format(time.RFC3339))
-	}
-	return &corev1.Secret{
-		ObjectMeta: metav1.ObjectMeta{Name: bootstraputil.BootstrapTokenSecretName(id), Namespace: metav1.NamespaceSystem},
-		Type:       corev1.SecretType(bootstrapapi.SecretTypeBootstrapToken),
-		Data:       data,
-	}
 }

@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-import urllib.error
-import urllib.request
-
 import pytest
 from rosops_apps import settings
-from rosops_apps.metrics import BUCKETS, CONTENT_TYPE, Metrics
+from rosops_apps.metrics import BUCKETS, Metrics
 
 LABELS = 'pattern="service",name="/add_two_ints"'
 
@@ -49,20 +46,6 @@ def test_an_account_of_the_applications_own_never_counts_down() -> None:
         metrics.failed_so_far(total)
     found = samples(metrics)
     assert (found["rosops_app_requests_total{}"], found["rosops_app_failures_total{}"]) == (4, 4)
-
-
-def test_it_is_served_at_one_path() -> None:
-    metrics = Metrics("pubsub", "/temperature")
-    metrics.answered(0.002)
-    server = metrics.serve(0)
-    try:
-        with urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}/metrics", timeout=5) as answer:
-            assert (answer.headers["Content-Type"], answer.read().decode()) == (CONTENT_TYPE, metrics.text())
-        with pytest.raises(urllib.error.HTTPError, match="404"):
-            urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}/", timeout=5)
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 def test_the_port_is_a_setting_and_none_by_default() -> None:

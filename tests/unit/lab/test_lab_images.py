@@ -14,7 +14,7 @@ import pytest
 from lablib.app_images import Version, versions
 from lablib.errors import LabError
 from lablib.k3s import parse_sums
-from lablib.oci import Image, Layer, write_archive, write_difference, write_layer, write_removal, write_update
+from lablib.oci import Image, Layer, write_archive, write_difference, write_layer, write_update
 
 
 def read_json(tar: tarfile.TarFile, name: str) -> Any:
@@ -88,15 +88,6 @@ def test_a_layer_takes_nothing_away(tmp_path: Path) -> None:
     less = tree(tmp_path / "less.tar", kept)
     with pytest.raises(LabError, match=r"a layer cannot take away etc/a\n"):
         write_difference(tmp_path / "layer.tar", below, less, leave_out=("dev",))
-
-
-def test_a_removal_names_what_is_gone(tmp_path: Path) -> None:
-    below = tree(tmp_path / "below.tar", BELOW)
-    made = write_removal(tmp_path / "removal.tar", below, "etc/*")
-    with tarfile.open(made.tar) as tar:
-        assert [entry.name for entry in tar] == ["etc/.wh.a", "etc/.wh.b"]
-    with pytest.raises(LabError, match=r"there is no srv/\* to take away"):
-        write_removal(tmp_path / "removal.tar", below, "srv/*")
 
 
 def test_versions_of_the_apps() -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import tarfile
@@ -14,11 +13,10 @@ from lablib import go, observability
 from lablib.artifacts import Cache, file_sha256
 from lablib.errors import LabError
 from lablib.observability import built, choose, part_with, recipe
-from lablib.observability_build import _configuration, base_files, pick, write_tree
+from lablib.observability_build import _configuration, base_files, write_tree
 from lablib.run import Job
 
 PARTS = observability.parts()
-FILES = ("lib*/ld-linux*.so.*", "lib/*/libc.so.6")
 
 
 # --- the pins ------------------------------------------------------------------------------------------------------
@@ -70,47 +68,6 @@ def test_only_what_is_built_is_offered(tmp_path: Path) -> None:
 
 
 # --- an image's files ----------------------------------------------------------------------------------------------
-
-
-def package_tree(target: Path) -> Path:
-    """A tar as Debian's packages unpack: files hold their own names."""
-    with tarfile.open(target, "w") as tar:
-        for name in ("usr/bin/vmagent", "lib/x86_64-linux-gnu/libc.so.6", "lib/x86_64-linux-gnu/ld-linux-x86-64.so.2"):
-            entry = tarfile.TarInfo(f"./{name}")
-            entry.size = len(name)
-            tar.addfile(entry, io.BytesIO(name.encode()))
-        link = tarfile.TarInfo("./lib64/ld-linux-x86-64.so.2")
-        link.type, link.linkname = tarfile.SYMTYPE, "/lib/x86_64-linux-gnu/ld-linux-x86-64.so.2"
-        tar.addfile(link)
-    return target
-
-
-def test_programs_and_what_they_need_are_picked_by_way_of_links(tmp_path: Path) -> None:
-    root = tmp_path / "root"
-    pick(package_tree(tmp_path / "tree.tar"), root, {"/vmagent-prod": "usr/bin/vmagent"}, FILES)
-    files = {str(path.relative_to(root)): path.read_text() for path in root.rglob("*") if path.is_file()}
-    loader, libc = "lib/x86_64-linux-gnu/ld-linux-x86-64.so.2", "lib/x86_64-linux-gnu/libc.so.6"
-    assert files == {
-        "vmagent-prod": "usr/bin/vmagent",
-        loader: loader,
-        "lib64/ld-linux-x86-64.so.2": loader,
-        libc: libc,
-    }
-    assert os.access(root / "vmagent-prod", os.X_OK)
-
-
-@pytest.mark.parametrize(
-    ("programs", "files", "missing"),
-    [
-        ({"/x": "usr/bin/x"}, (), "no file usr/bin/x"),
-        ({}, ("usr/lib/*/libzstd.so.1",), "no file usr/lib/"),
-    ],
-)
-def test_what_the_packages_have_no_more_is_an_error(
-    tmp_path: Path, programs: dict[str, str], files: tuple[str, ...], missing: str
-) -> None:
-    with pytest.raises(LabError, match=re.escape(missing)):
-        pick(package_tree(tmp_path / "tree.tar"), tmp_path / "root", programs, files)
 
 
 def test_a_layer_says_nothing_of_when_and_where_it_was_made(tmp_path: Path) -> None:

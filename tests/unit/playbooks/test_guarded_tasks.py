@@ -62,7 +62,7 @@ def marks(control: Control) -> list[str]:
 
 
 def test_they_run_once_and_change_nothing_the_second_time(control: Control) -> None:
-    check = control.run(*given(control, "--check"))
+    check = control.run(*given(control, "--check", "--limit", "robot1"))
     assert (check.returncode, marks(control)) == (0, []), check.stdout
     with tempfile.TemporaryDirectory(prefix="beside-") as short:  # a socket's path may have 107 characters
         run = control.run(*given(control), TMPDIR=short)
@@ -71,7 +71,7 @@ def test_they_run_once_and_change_nothing_the_second_time(control: Control) -> N
         while list(Path(short).glob("rosops-fleet-*/line")):
             assert time.monotonic() < end, "the process beside the run goes on"
             time.sleep(0.1)
-    assert run.stdout.count("Leave a mark") == 2  # the first wave is one robot
+    assert run.stdout.count("Leave a mark] ") == 2  # the first wave is one robot
     again = control.run(*given(control))
     assert again.returncode == 0
     assert again.stdout.count("changed=0") == 3, again.stdout

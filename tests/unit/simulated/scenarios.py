@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import R
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import CLUSTER_CALLS, FAULTS, Simulation
 
 OLD = image("good", 0)
 ALL = bool(os.environ.get("ROSOPS_TEST_ALL"))  # what takes minutes, too
@@ -117,6 +117,24 @@ def outcome_of(sim: Simulation, wanted: Robot, fault: str = "", at: int = 0, **m
 
 def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
     return outcome_of(sim, wanted, **more), sim.engine
+
+
+def points(sim: Simulation, faults: Sequence[str] = FAULTS) -> list[tuple[str, int]]:
+    """Faults, and the calls of its last run at which they can strike.
+
+    A wait asks the same again and again: but for `ALL`, a call is one of them once in its phase after the same call.
+    """
+    found = dict[object, int]()
+    for at, where in enumerate(zip(sim.phases, ["", *sim.calls], sim.calls), 1):
+        found.setdefault(at if ALL else where, at)
+    return [(fault, at) for at in found.values() for fault in faults if strikes(fault, sim.calls[at - 1])]
+
+
+def strikes(fault: str, call: str) -> bool:
+    """Only an apply can be cut in half, and the API is not the robot, which goes away after its answer."""
+    if fault.startswith("half"):
+        return call == "apply"
+    return fault != "away-after" or call not in CLUSTER_CALLS
 
 
 def drawn(

@@ -84,18 +84,6 @@ KILLS = ("killed", "half-killed")
 RESTARTED_APPS = "restarted"  # by hand, of which only apps that overlap feel nothing
 
 
-def points(calls: Sequence[str], faults: Sequence[str] = FAULTS) -> list[tuple[str, int]]:
-    """Faults, and the calls at which they can strike."""
-    return [(fault, at) for at, call in enumerate(calls, 1) for fault in faults if strikes(fault, call)]
-
-
-def strikes(fault: str, call: str) -> bool:
-    """Only an apply can be cut in half, and the API is not the robot, which goes away after its answer."""
-    if fault.startswith("half"):
-        return call == "apply"
-    return fault != "away-after" or call not in CLUSTER_CALLS
-
-
 class Killed(BaseException):
     """The control node is gone, in the middle of whatever it did."""
 

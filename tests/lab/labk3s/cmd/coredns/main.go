@@ -9,8 +9,6 @@ import (
 	_ "github.com/coredns/coredns/plugin/cache"
 	_ "github.com/coredns/coredns/plugin/errors"
 	_ "github.com/coredns/coredns/plugin/forward"
-	_ "github.com/coredns/coredns/plugin/health"
-	_ "github.com/coredns/coredns/plugin/hosts"
 	_ "github.com/coredns/coredns/plugin/kubernetes"
 	_ "github.com/coredns/coredns/plugin/loadbalance"
 	_ "github.com/coredns/coredns/plugin/ready"
@@ -20,7 +18,7 @@ import (
 func init() {
 	// Upstream's order, which is the order that a query takes.
 	dnsserver.Directives = []string{
-		"reload", "health", "ready", "errors", "cache", "loadbalance", "hosts", "kubernetes", "forward",
+		"reload", "ready", "errors", "cache", "loadbalance", "kubernetes", "forward",
 	}
 }
 

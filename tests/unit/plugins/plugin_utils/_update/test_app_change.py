@@ -30,6 +30,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     begin,
     drawn,
     outcome_of,
+    points,
     run_of,
     running,
     settings,
@@ -40,7 +41,6 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     SimulatedCluster,
     SimulatedHost,
     Simulation,
-    points,
 )
 
 # of what is drawn; all of it takes minutes
@@ -53,7 +53,7 @@ DEAD = 3 * 3600.0 if ALL else 3600.0  # the keeper waits for minutes at most
 def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
     sim, wanted = begin(name, "good")
     sim.run(wanted, settings(soak=0.0))
-    for fault, at in points([*sim.calls], ["half-killed"]):
+    for fault, at in points(sim, ["half-killed"]):
         sim, wanted = begin(name, "good")
         assert sim.run(wanted, settings(soak=0.0), fault, at) is None
         step = [app.name for app in wanted.apps]
@@ -83,7 +83,8 @@ def test_a_new_app_is_there_or_gone() -> None:
         sim, _wanted = begin("overlap", "good")
         wanted = robot(app("sensor", OLD), app("driver", image(version), pattern=None))
         sim.run(wanted, settings())
-        for fault, at in [("", 1), *drawn(points(sim.calls[:14], ["killed", "half"]), EVERY, turn, ["half"])]:
+        early = [point for point in points(sim, ["killed", "half"]) if point[1] <= 14]
+        for fault, at in [("", 1), *drawn(early, EVERY, turn, ["half"])]:
             sim, _wanted = begin("overlap", "good")
             sim.run(wanted, settings(), fault, at)
             sim.restore()
@@ -240,11 +241,12 @@ def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(
     assert goal is None or goal.ended  # it is waited for
 
 
+def refuse(*_unused: object) -> None:
+    raise RosError("the ROS master does not answer")
+
+
 @pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
 def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_unused: object) -> None:
-        raise RosError("the ROS master does not answer")
-
     sim, wanted, _at = silent("sensor", "good")
     monkeypatch.setattr(SimulatedHost, "graph", refuse)
     found = outcome_of(sim, wanted, on_busy=policy)
@@ -553,7 +555,7 @@ def test_a_refused_version_stays_refused_without_anybody(name: str, version: str
     sim.run(wanted, settings())
     apps = [app.name for app in wanted.apps]
     # one call of every SHARE, turned by one from version to version
-    for fault, at in drawn(points([*sim.calls], KILLS), SHARE, ALONE.index((name, version))):
+    for fault, at in drawn(points(sim, KILLS), SHARE, ALONE.index((name, version))):
         sim, wanted = begin(name, version)
         old = {app: running(sim, app) for app in apps}
         sim.skew = (-DAY, 0.0, DAY)[at % 3]
@@ -573,9 +575,9 @@ def test_the_way_back_by_request(name: str) -> None:
 
     sim, found = back()
     assert found and found.outcome == "updated"
-    calls, old = [*sim.calls], SCENARIOS[name].robot(OLD)
+    faults, old = drawn(points(sim), BACKS, [*SCENARIOS].index(name)), SCENARIOS[name].robot(OLD)
     assert outcome_of(sim, old).outcome == "unchanged"
-    for fault, at in drawn(points(calls), BACKS, [*SCENARIOS].index(name)):
+    for fault, at in faults:
         sim, _found = back(fault, at)
         sim.restore()
         assert outcome_of(sim, old).outcome in ("updated", "unchanged"), (fault, at)
@@ -638,10 +640,6 @@ def test_a_new_master_that_is_reached_by_every_second_question_gets_the_registra
 @pytest.mark.parametrize("name", ["drain", "replace"])
 def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """They come with the old version again; and without it nothing serves."""
-
-    def refuse(*_unused: object) -> None:
-        raise RosError("the ROS master does not answer")
-
     sim, wanted = begin(name, "never-starts")
     monkeypatch.setattr(SimulatedHost, "register", refuse)
     assert outcome_of(sim, wanted).outcome == "rolled-back"

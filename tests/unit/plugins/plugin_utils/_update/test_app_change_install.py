@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,20 +10,19 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step import update_r
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
-from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, drawn
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedCluster, Simulation, points
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, drawn, outcome_of, points, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedCluster, Simulation
 
 GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
 SHARE = 1 if ALL else 15
 NAMESPACE = "robot-robot1"
 VOLUME = {"name": "logs"}
+SITE: dict[str, Any] = {"parts": PARTS, "rollout_timeout": 60.0, "verify_seconds": 1.0}
 
 
 APPS = (
@@ -43,16 +41,8 @@ ROBOT = wanted()
 SHARED = robot(app("chart", GOOD, pattern="service", scope="fleet"), app("sensor", GOOD), master={"mode": "shared"})
 
 
-def site(sim: Simulation, of: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome | None:
-    limits = {"ready_timeout": 30.0, "rollout_timeout": 60.0, "busy_timeout": 60.0}
-    request = replace(more.pop("request", Request()), parts=more.pop("parts", PARTS))
-    return sim.run(of, Settings(request, **{**limits, **more}), fault, at)
-
-
-def outcome(sim: Simulation, of: Robot, **more: Any) -> RobotOutcome:
-    found = site(sim, of, **more)
-    assert found is not None
-    return found
+def outcome(sim: Simulation, of: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome:
+    return outcome_of(sim, of, fault, at, **{**SITE, **more})
 
 
 def word(sim: Simulation, of: Robot, **more: Any) -> str:
@@ -105,7 +95,7 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     assert not sim.engine_changes
     assert sim.calls == ["there", "read", "apply", "rollout", "ready"]
     sim = Simulation()
-    site(sim, of, "killed", 13)  # all of it is up, and nobody has proven it
+    sim.run(of, settings(**SITE), "killed", 13)  # all of it is up, and nobody has proven it
     found = outcome(sim, of)
     assert ([step.name for step in found.steps], "graph" in sim.calls) == (["install"], False)
 
@@ -114,11 +104,11 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
 def test_whatever_ends_it_one_more_run_is_enough(of: Robot) -> None:
     sim = Simulation()
     outcome(sim, of)
-    for fault, at in drawn(points([*sim.calls]), SHARE, len(of.apps), KILLS):
+    for fault, at in drawn(points(sim), SHARE, len(of.apps), KILLS):
         sim = Simulation()
         # what was cut off is no version to go back to, and nothing is asked: another one is wanted by now
         first = wanted(BAD) if fault == "killed" and of is ROBOT else of
-        site(sim, first, fault, at)
+        sim.run(first, settings(**SITE), fault, at)
         sim.restore()
         assert word(sim, of) in ("updated", "unchanged"), (fault, at)
         assert not marked(sim), (fault, at)
@@ -159,8 +149,7 @@ def test_what_was_cancelled_stays_and_is_told() -> None:
     sim = Simulation()
     outcome(sim, wanted())
     at = sim.calls.index("rollout") + 1
-    found = site(sim := Simulation(), wanted(), "cancelled", at)
-    assert found is not None
+    found = outcome(Simulation(), wanted(), "cancelled", at)
     assert found.outcome == "failed"
     assert found.reason.endswith("what came up stays as it is; the next run goes on from there")
 
@@ -252,8 +241,9 @@ def test_the_record_of_a_run_that_waits_is_left_to_it(lives: bool, monkeypatch: 
     for one in (sim, other):
         one.goal("/plan", 200.0)
         one.advance(1.0)
-    site(other, changed)
-    assert site(sim, changed, "killed", len(other.calls) - other.calls[::-1].index("hold")) is None
+    outcome(other, changed)
+    at = len(other.calls) - other.calls[::-1].index("hold")
+    assert sim.run(changed, settings(**SITE), "killed", at) is None
     assert '"outcome": "waiting"' in sim.events()
     if lives:
         monkeypatch.setattr(SimulatedCluster, "claim", held)

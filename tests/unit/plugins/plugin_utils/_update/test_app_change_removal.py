@@ -16,8 +16,15 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, planned
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import VERSIONS, image
-from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, OLD, drawn, outcome_of, settings
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedHost, Simulation, points
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
+    ALL,
+    OLD,
+    drawn,
+    outcome_of,
+    points,
+    settings,
+)
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedHost, Simulation
 
 SHARE = 1 if ALL else 16
 ALL = Request(remove=("all",))
@@ -76,7 +83,7 @@ def test_whatever_ends_it_one_more_run_is_enough(kind: str) -> None:
     gone = KINDS[kind]
     sim, wanted = fleet(gone)
     ended(sim, wanted)
-    for fault, at in drawn(points([*sim.calls]), SHARE, [*KINDS].index(kind), KILLS):
+    for fault, at in drawn(points(sim), SHARE, [*KINDS].index(kind), KILLS):
         sim, wanted = fleet(gone)
         sim.run(wanted, settings(request=ALL), fault, at)
         sim.restore()

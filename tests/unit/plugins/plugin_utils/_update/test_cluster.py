@@ -9,12 +9,11 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LEASE_SECONDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Hold
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import cluster
@@ -31,59 +30,43 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
 class Lease:
-    def __init__(self) -> None:
+    """What the API says of it, and how long it takes for that; None: it cannot be reached."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock, self.takes, self.renewed = clock, 0.0, 0
         self.found: Hold | None = Hold(True, "us")
-        self.renewed = 0
-        self.takes: Callable[[], None] = lambda: None
 
     def renew(self) -> Hold:
         self.renewed += 1
-        self.takes()
+        self.clock.sleep(self.takes)
         if self.found is None:
             raise KubeError("the API cannot be reached")
         return self.found
 
 
-def claim(lease: Lease, times: list[float]) -> _Claim:
-    return _Claim(lease, lambda: times[0])  # type: ignore[arg-type]
-
-
-@pytest.fixture
-def lease() -> Lease:
-    return Lease()
-
-
-def test_within_its_time_nobody_else_can_have_it(lease: Lease) -> None:
+def test_within_its_time_nobody_else_can_have_it_and_after_it_the_api_says_whose_it_is(clock: Clock) -> None:
     """It began when the renewal was sent: the answer may have come long after the API server wrote it."""
-    times = [0.0]
-    mine = claim(lease, times)
-    times[0] = SURE_SECONDS - 0.1
+    lease = Lease(clock)
+    mine, other = (_Claim(lease, clock.now) for _run in range(2))  # type: ignore[arg-type]
+    clock.time = SURE_SECONDS - 0.1
     mine.confirm()
     assert lease.renewed == 0
-    times[0] = SURE_SECONDS
-    lease.takes = lambda: times.__setitem__(0, times[0] + 8.0)
-    mine.confirm()
-    lease.takes = lambda: None
-    lease.found, times[0] = Hold(False, "other", "noon"), times[0] + SURE_SECONDS - 8.0
-    with pytest.raises(LostError, match="other"):
-        mine.confirm()
-
-
-def test_after_its_time_the_api_says_whose_it_is(lease: Lease) -> None:
-    times = [0.0]
-    mine, other = claim(lease, times), claim(lease, times)
-    times[0] = float(LEASE_SECONDS)
+    clock.time, lease.takes = SURE_SECONDS, 8.0
     mine.confirm()  # nobody wanted it
-    lease.found, times[0] = None, 2.0 * LEASE_SECONDS
+    lease.found, lease.takes, clock.time = None, 0.0, 2 * SURE_SECONDS
     with pytest.raises(KubeError):
         mine.confirm()
     lease.found = Hold(False, "laptop, process 7", "noon")
-    with pytest.raises(LostError, match="laptop, process 7 has this robot since noon"):
-        mine.confirm()
-    lease.found = Hold(True, "us")
-    with pytest.raises(LostError):  # what was lost once stays lost
-        mine.confirm()
+    for _time in range(2):  # what was lost once stays lost
+        with pytest.raises(LostError, match="laptop, process 7 has this robot since noon"):
+            mine.confirm()
+        lease.found = Hold(True, "us")
     lease.found = Hold(False, "")  # taken, and let go
     with pytest.raises(LostError, match="another one had this robot"):
         other.confirm()
@@ -95,11 +78,6 @@ MAP = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "a", "names
 MAP_PATH = "/api/v1/namespaces/r/configmaps/a"
 LEASE_PATH = "/apis/coordination.k8s.io/v1/namespaces/r/leases/robot-update"
 BACK = 40.0  # seconds until the API is there again
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 class Lapsing(Server):

@@ -30,14 +30,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import addressed, app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import EPOCH, FOREVER
-from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, OLD, drawn, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, OLD, drawn, points, settings
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     KILLS,
     Killed,
     SimulatedCluster,
     SimulatedHost,
     Simulation,
-    points,
 )
 
 START = 20.0  # seconds until what was changed serves again
@@ -482,7 +481,7 @@ def test_every_fault_at_every_call(bad: dict[str, str]) -> None:
     """An outcome that is true, and the next run brings it to where it has to be."""
     clean = Site(bad)
     clean.change()
-    for fault, at in drawn(points([*clean.calls]), SHARE, len("".join(bad.values())), KILLS):
+    for fault, at in drawn(points(clean), SHARE, len("".join(bad.values())), KILLS):
         site = Site(bad)
         found = site.change(fault, at)
         assert (found is None) == (fault in KILLS)

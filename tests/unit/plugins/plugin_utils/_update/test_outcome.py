@@ -20,51 +20,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
     step_id,
 )
 
-
-def result(name: str, outcome: str, reason: str = "", image: str = "a:2") -> StepResult:
-    return StepResult(
-        id="0123456789ab",
-        name=name,
-        apps=[name],
-        handoff="overlap",
-        before={name: {"image": "a:1", "revision": "1"}},
-        after={name: {"image": image, "revision": "2"}},
-        started=1000.0,
-        phases={"wait": 1.5, "rollout": 2.5},
-        outcome=outcome,
-        reason=reason,
-    )
-
-
-@pytest.mark.parametrize(
-    ("words", "steps", "expected", "reason"),
-    [
-        ([], 0, "unchanged", ""),
-        (["updated", "updated"], 2, "updated", "a a:1 -> a:2 in 4.0 s; why; b a:1 -> a:2 in 4.0 s; why"),
-        (["updated", "deferred-busy"], 2, "deferred-busy", "b: why"),
-        (["updated", "rolled-back"], 4, "rolled-back", "b: why; 2 further steps not begun"),
-        (["failed"], 2, "failed", "a: why; 1 further step not begun"),
-        (["updated", "deferred-offline"], 2, "deferred-offline", "b: why"),
-    ],
-)
-def test_the_worst_step_is_the_robots_outcome(words: list[str], steps: int, expected: str, reason: str) -> None:
-    results = [result(name, word, "why") for name, word in zip("ab", words, strict=False)]
-    found = robot_outcome(results, steps)
-    assert (found.outcome, found.reason, [*found.steps]) == (expected, reason, results)
-    assert RobotOutcome.from_dict(found.as_dict()).as_dict() == found.as_dict()  # as the report reads it
-
-
-def test_what_was_updated_is_told_with_its_time() -> None:
-    again = result("a", "updated", "its mark is still on", image="a:1")
-    assert again.told() == "a a:1 (2) in 4.0 s; its mark is still on"
-    new = replace(result("a", "updated"), before={})
-    assert new.told() == "a new -> a:2 in 4.0 s"
-
-
-# --- the record of a robot's updates ----------------------------------------------------------------------------------
-
 STARTED = 1795252087.347614
-PHASES = {"gate": 1.0, "apply": 7.5, "rollout": 5.5, "verify": 4.0}
+PHASES = {"gate": 1.0, "apply": 7.5, "rollout": 5.5, "verify": 4.0}  # 18 s
 
 
 def step(*apps: str, outcome: str = "updated", started: float = STARTED, **more: Any) -> StepResult:
@@ -80,6 +37,33 @@ def step(*apps: str, outcome: str = "updated", started: float = STARTED, **more:
         outcome=outcome,
     )
     return replace(found, **more)
+
+
+@pytest.mark.parametrize(
+    ("words", "steps", "expected", "reason"),
+    [
+        ([], 0, "unchanged", ""),
+        (["updated", "updated"], 2, "updated", "a a:1 -> a:2 in 18.0 s; why; b a:1 -> a:2 in 18.0 s; why"),
+        (["updated", "deferred-busy"], 2, "deferred-busy", "b: why"),
+        (["updated", "rolled-back"], 4, "rolled-back", "b: why; 2 further steps not begun"),
+        (["failed"], 2, "failed", "a: why; 1 further step not begun"),
+        (["updated", "deferred-offline"], 2, "deferred-offline", "b: why"),
+    ],
+)
+def test_the_worst_step_is_the_robots_outcome(words: list[str], steps: int, expected: str, reason: str) -> None:
+    results = [step(name, outcome=word, reason="why") for name, word in zip("ab", words, strict=False)]
+    found = robot_outcome(results, steps)
+    assert (found.outcome, found.reason, [*found.steps]) == (expected, reason, results)
+    assert RobotOutcome.from_dict(found.as_dict()).as_dict() == found.as_dict()  # as the report reads it
+
+
+def test_what_was_updated_is_told_with_its_time() -> None:
+    again = step("a", after={"a": {"image": "a:1", "revision": "2"}}, reason="its mark is still on")
+    assert again.told() == "a a:1 (2) in 18.0 s; its mark is still on"
+    assert step("a", before={}).told() == "a new -> a:2 in 18.0 s"
+
+
+# --- the record of a robot's updates ----------------------------------------------------------------------------------
 
 
 def told(configmap: dict[str, Any]) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -35,11 +36,6 @@ PREVIOUS = Request(to="previous")
 
 def step_names(plan: Plan) -> list[list[str]]:
     return [list(step.apps) for step in plan.steps]
-
-
-def test_what_is_as_it_should_be_is_no_step() -> None:
-    wanted = robot(app("one"), app("two"))
-    assert planned(wanted, applied(wanted)).steps == []
 
 
 def selector(item: dict[str, Any]) -> dict[str, str]:
@@ -114,6 +110,10 @@ def test_providers_come_before_their_users_and_the_master_before_all() -> None:
 
     plan = planned(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
     assert step_names(plan) == [["ros-keeper"], ["ros-master"], ["sensor"], ["map"], ["user"]]
+    # never together: each is the other's record
+    keeper, master = ((step.name, step.kind, step.handoff, step.rest, step.created) for step in plan.steps[:2])
+    assert keeper == ("ros-keeper", "app", "replace", [], [])
+    assert master == ("ros-master", "master", "replace", [], [])
 
 
 def test_what_the_keeper_took_back_is_planned_anew() -> None:
@@ -126,15 +126,6 @@ def test_what_the_keeper_took_back_is_planned_anew() -> None:
     assert (step.apps, step.resume, step.unproven) == (["one"], False, [])
     assert words.WENT_BACK not in step.previous["one"]["metadata"]["annotations"]
     assert step.previous == planned(after, applied(before)).steps[0].previous
-
-
-def test_master_and_keeper_are_never_replaced_together() -> None:
-    """Each is the other's record: the keeper is proven before the master goes, and the master's failure leaves it."""
-    before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
-    keeper, master = planned(after, applied(before)).steps
-    for step, name, kind in ((keeper, "ros-keeper", "app"), (master, "ros-master", "master")):
-        assert {item["metadata"]["name"] for item in step.objects} == set(step.previous) == set(step.before) == {name}
-        assert (step.name, step.kind, step.handoff, step.rest, step.created) == (name, kind, "replace", [], [])
 
 
 def test_neither_goes_back_unless_it_is_named() -> None:
@@ -345,36 +336,39 @@ SHARED = {"mode": "shared"}
 MAP = app("map", scope="fleet", ports=[{"name": "http", "port": 80}])
 
 
-def gone(before: Robot, now: Robot, running: Robot | None = None, *parts: str) -> list[str]:
+def gone(before: Robot, now: Robot, running: Robot | None, parts: Sequence[str]) -> list[str]:
     """What goes of the policies that this robot and another one had, while the apps of a third description run."""
     other = network_policies(replace(before, name="robot2", namespace="robot-robot2"))
     there = {(one["metadata"]["namespace"], one["metadata"]["name"]): one for one in other + network_policies(before)}
     read = [one for (namespace, _name), one in there.items() if namespace != "robot-robot2"]
     live = replace(applied(running or now), policies=read)
-    plan = planned(now, live, Request(parts=parts or PARTS[:-1]))
+    plan = planned(now, live, Request(parts=parts))
     return [f"{one['metadata']['namespace']}/{one['metadata']['name']}" for one in plan.remnants]
 
 
 @pytest.mark.parametrize(
-    ("before", "now", "unwanted"),
+    ("before", "now", "running", "parts", "unwanted"),
     [
-        (robot(WEB), robot(WEB), []),
-        (robot(WEB), robot(app("web")), ["robot-robot1/web.ports"]),
-        (robot(WEB), robot(), ["robot-robot1/web.ports"]),
-        (robot(WEB, MAP, master=SHARED), robot(WEB, MAP, master=SHARED), []),
-        (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), []),  # which another robot may have
-        (robot(MAP, master=SHARED), robot(app("map", scope="fleet"), master=SHARED), ["fleet/map.ports"]),
+        (robot(WEB), robot(WEB), None, PARTS[:-1], []),
+        (robot(WEB), robot(app("web")), None, PARTS[:-1], ["robot-robot1/web.ports"]),
+        (robot(WEB), robot(), None, PARTS[:-1], ["robot-robot1/web.ports"]),
+        (robot(WEB), robot(), None, ["storage"], []),  # a part that has no policies
+        (robot(WEB), robot(), robot(WEB), PARTS[:-1], []),  # an app that nobody has taken away stays open
+        (robot(WEB, MAP, master=SHARED), robot(WEB, MAP, master=SHARED), None, PARTS[:-1], []),
+        # which another robot may have
+        (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), None, PARTS[:-1], []),
+        (robot(MAP, master=SHARED), robot(app("map", scope="fleet"), master=SHARED), None, PARTS[:-1], ["fleet/map.ports"]),
         # of two robots, what one admits
-        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED), ["fleet/robot-robot1"]),
+        (
+            robot(master=SHARED, admits=["192.0.2.0/24"]),
+            robot(master=SHARED),
+            None,
+            PARTS[:-1],
+            ["fleet/robot-robot1"],
+        ),
     ],
-)  # fmt: skip
-def test_policies_that_are_not_wanted_any_more(before: Robot, now: Robot, unwanted: list[str]) -> None:
-    assert gone(before, now) == unwanted
-
-
-def test_parts_that_have_no_policies_take_none_away() -> None:
-    assert gone(robot(WEB), robot(), None, "storage") == []
-
-
-def test_an_app_that_nobody_has_taken_away_stays_open() -> None:
-    assert gone(robot(WEB), robot(), running=robot(WEB)) == []
+)
+def test_policies_that_are_not_wanted_any_more(
+    before: Robot, now: Robot, running: Robot | None, parts: Sequence[str], unwanted: list[str]
+) -> None:
+    assert gone(before, now, running, parts) == unwanted
