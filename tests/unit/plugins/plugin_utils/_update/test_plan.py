@@ -358,7 +358,10 @@ def gone(before: Robot, now: Robot, running: Robot | None, parts: Sequence[str])
         # which another robot may have
         (robot(WEB, MAP, master=SHARED), robot(WEB, master=SHARED), None, PARTS[:-1], []),
         (
-            robot(MAP, master=SHARED), robot(app("map", scope="fleet"), master=SHARED), None, PARTS[:-1],
+            robot(MAP, master=SHARED),
+            robot(app("map", scope="fleet"), master=SHARED),
+            None,
+            PARTS[:-1],
             ["fleet/map.ports"],
         ),
         # of two robots, what one admits
