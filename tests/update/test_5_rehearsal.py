@@ -26,7 +26,7 @@ temperature_publisher.main()
 # Version -> what is changed for it, its outcome, and a word of the reason. The good one is the last: it stays.
 VERSIONS: dict[str, tuple[dict[str, Any], str, str]] = {
     "broken": ({"env": {"CRASH_AFTER": 0.3}}, "rolled-back", ""),
-    "slower": ({"env": {"RATE_HZ": 125}}, "rolled-back", "rate"),
+    "slower": ({"env": {"RATE_HZ": 250}}, "rolled-back", "rate"),
     "of another definition": (
         {
             "command": ["/ros_entrypoint.sh", "python3", PROGRAM],
@@ -68,7 +68,7 @@ def recording(fleet: Fleet, tmp_path: Path) -> Iterator[Path]:
 def test_rehearsal_and_reality_agree(fleet: Fleet, recording: Path, tmp_path: Path) -> None:
     recorded = json.loads(recording.read_text())
     assert {app["name"] for app in recorded["apps"]} == apps(fleet, REAL)
-    assert recorded["graph"]["topics"][TOPIC]["rate"] == pytest.approx(250, rel=0.1)
+    assert recorded["graph"]["topics"][TOPIC]["rate"] == pytest.approx(500, rel=0.1)
     now, then = tmp_path / "now.yml", tmp_path / "next.yml"
     now.write_text(json.dumps({**fleet.variables, **PATIENCE}))
     settings: dict[str, Any] = {

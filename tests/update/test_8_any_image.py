@@ -59,10 +59,10 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
 
     # a version that must not stay is known by what its sidecar says
     watch = fleet.watch()
-    bad = fleet.new_version("robot1", "temperature", on=changes, RATE_HZ=125)
+    bad = fleet.new_version("robot1", "temperature", on=changes, RATE_HZ=250)
     run = fleet.update({**bad, **IMAGES}, *LIMIT, update_ready_timeout=20)
     assert run.outcomes["robot1"] == "rolled-back", run
-    assert re.search(r"rate /temperature: 1[0-2]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
+    assert re.search(r"rate /temperature: 2[0-5]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
     assert own_parameters(fleet) == proven
     watch.assert_nothing_lost("robot1")
 
