@@ -214,7 +214,7 @@ def listed(value: Any) -> list[Any]:
     text = "" if value is None else str(value).strip()
     if not text.startswith("["):
         return [word for word in re.split(r"[\s,]+", text) if word]
-    with contextlib.suppress(yaml.YAMLError, RecursionError):
+    with contextlib.suppress(yaml.YAMLError, RecursionError, ValueError):  # the last: a day or a number that is none
         if isinstance(found := yaml.safe_load(text), list):
             return found
     raise SpecError(f"{text!r} is no list; allowed: a list, or words with commas between them")

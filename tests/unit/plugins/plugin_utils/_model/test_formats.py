@@ -94,7 +94,7 @@ def test_what_was_meant(given: Any, meant: list[Any]) -> None:
     assert [str(one) for one in listed(given)] == [str(one) for one in meant]
 
 
-@pytest.mark.parametrize("given", ["[a, b", "[a]: b", "[a] b"])
+@pytest.mark.parametrize("given", ["[a, b", "[a]: b", "[a] b", "[2026-13-01]", f"[{5000 * '1'}]"], ids=range(5))
 def test_what_begins_as_a_list_has_to_be_one(given: str) -> None:
     with pytest.raises(SpecError, match="is no list; allowed: a list, or words with commas"):
         listed(given)
