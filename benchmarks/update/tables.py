@@ -166,11 +166,17 @@ def success(records: Iterable[Record]) -> str:
     return "; ".join(f"{arm} {sum(ended)} of {len(ended)}" for arm, ended in found.items())
 
 
-def phase_table(details: Iterable[Mapping[str, Any]]) -> str:
-    """Mean seconds of every phase, by update, arm and stress; `run` is the whole command."""
+def _by_case(details: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str, bool], list[Mapping[str, Any]]]:
+    """(Update, arm, stress) -> its trials."""
     kept: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
     for item in details:
         kept.setdefault((f"{item['app']}/{item['update']}", item["arm"], item["stress"]), []).append(item)
+    return kept
+
+
+def phase_table(details: Iterable[Mapping[str, Any]]) -> str:
+    """Mean seconds of every phase, by update, arm and stress; `run` is the whole command."""
+    kept = _by_case(details)
     names = list(dict.fromkeys(name for items in kept.values() for item in items for name in item["phases"]))
     rows = []
     for (case, arm, stress), items in kept.items():
@@ -182,10 +188,7 @@ def phase_table(details: Iterable[Mapping[str, Any]]) -> str:
 
 def loss_table(details: Iterable[Mapping[str, Any]]) -> str:
     """Pub/sub, sums over the trials: what the applications' own queues dropped is not what an update lost."""
-    kept: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
-    for item in details:
-        if "dropped_by_queues" in item:
-            kept.setdefault((f"{item['app']}/{item['update']}", item["arm"], item["stress"]), []).append(item)
+    kept = _by_case(item for item in details if "dropped_by_queues" in item)
     keys = ("lost", "dropped_by_queues", "lost_during", "lost_control", "not_sent")
     rows = [
         [case, arm, "yes" if stress else "no", *(number(_sum(item[key] for item in items)) for key in keys),
@@ -208,17 +211,15 @@ def _sum(values: Iterable[float | None]) -> float | None:
 
 def loop_table(details: Iterable[Mapping[str, Any]]) -> str:
     """How late a control loop's ticks came, by update, arm and stress."""
-    kept: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
-    for item in details:
-        kept.setdefault((f"{item['app']}/{item['update']}", item["arm"], item["stress"]), []).append(item["loop"])
     rows = []
-    for (case, arm, stress), loops in kept.items():
+    for (case, arm, stress), items in _by_case(details).items():
         middle, most = (
-            [_mean(one[span][key] for one in loops) for span in ("before", "step")] for key in ("p999_us", "worst_us")
+            [_mean(item["loop"][span][key] for item in items) for span in ("before", "step")]
+            for key in ("p999_us", "worst_us")
         )
         factor = middle[1] / middle[0] if middle[0] and middle[1] is not None else None
         figures = [*(number(value, 0) for value in middle), number(factor, 2), *(number(value, 0) for value in most)]
-        rows.append([case, arm, "yes" if stress else "no", str(len(loops)), *figures])
+        rows.append([case, arm, "yes" if stress else "no", str(len(items)), *figures])
     heads = ["p99.9 before us", "in step us", "factor", "worst before us", "in step us"]
     return markdown(["update", "arm", "stress", "trials", *heads], rows)
 

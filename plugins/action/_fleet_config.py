@@ -11,6 +11,7 @@ from ..plugin_utils._images.archive import archived_instead, unusable
 from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._objects.parts import images
+from ..plugin_utils._upstream.ansible_core import HIDDEN
 from ..plugin_utils._validate.fleet import Report, check_fleet, folded
 from ..plugin_utils._validate.hosts import archive_problems, image_warnings
 
@@ -38,7 +39,7 @@ def outcome(report: Report) -> Result:
         shared = any(needs_fleet_namespace(robot) for robot in report.fleet.robots.values())
         whole = {**report.fleet.as_dict(), "remote_images": sorted(remote), "shared": shared}
         # its apps' secrets are in it, and AWX keeps what callbacks are told of a task, at any verbosity
-        return {**result, **whole, "_ansible_no_log": True}
+        return {**result, **whole, **HIDDEN}
     lines = [problem.line() for problem in folded(report.problems, report.hosts)]
     words = f"{len(lines)} error{'s' if len(lines) > 1 else ''} in the fleet's variables:"
     return {**result, "failed": True, "msg": "\n".join([words, *lines])}

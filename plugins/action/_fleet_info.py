@@ -30,6 +30,7 @@ from ..plugin_utils._model.host_variables import HostVariables
 from ..plugin_utils._model.keys import plain
 from ..plugin_utils._report import look
 from ..plugin_utils._report.held import cluster_rows, outdated_rows
+from ..plugin_utils._upstream.ansible_core import BRIEF
 
 
 class ActionModule(ClusterAction):
@@ -74,7 +75,7 @@ class ActionModule(ClusterAction):
         seen = look.Look(status, look.graphs_to_read(hosts, services, found.apps), fleet.name)
         read = look.read_by_keepers(seen.graphs, hosts, opened) if params["graphs"] else {}
         # -v has tables of it, not thousands of lines of JSON
-        return {"changed": False, **plain(seen), "read": read, "_ansible_verbose_override": True}
+        return {"changed": False, **plain(seen), "read": read, **BRIEF}
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:

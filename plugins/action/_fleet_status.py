@@ -26,6 +26,7 @@ from ..plugin_utils._report.results import message_of
 from ..plugin_utils._report.ros_graph import Reading
 from ..plugin_utils._report.rows import Trouble, logs_of
 from ..plugin_utils._report.text import TABLES, status_text, summary_text
+from ..plugin_utils._upstream.ansible_core import BRIEF
 
 display = Display()
 
@@ -50,7 +51,7 @@ class ActionModule(FleetAction):
         text = f"{summary_text(status, now, look.name)}\n{tables}"
         voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
-        result: Result = {"text": text, "_ansible_verbose_override": True}
+        result: Result = {"text": text, **BRIEF}
         try:
             limit = str(known.get("ansible_limit") or "")
             path = placed(params["page"])

@@ -20,6 +20,7 @@ from ..plugin_utils._observability import stack
 from ..plugin_utils._observability.files import Files, stack_files
 from ..plugin_utils._observability.spec import NAMESPACE, Spec, images, runs, spec_of, tls_secrets
 from ..plugin_utils._report.held import nodes_off
+from ..plugin_utils._upstream.ansible_core import SHOWN
 
 
 class ActionModule(ClusterAction):
@@ -28,7 +29,7 @@ class ActionModule(ClusterAction):
     def work(self, params: Arguments, known: Variables) -> Result:
         if params["images_only"]:
             spec = spec_of(self.variables(known, "observability"))
-            return {"changed": False, "images": images(spec), "_ansible_verbose_always": True}
+            return {"changed": False, "images": images(spec), **SHOWN}
         spec, files = self._given(known)
         check = self._task.check_mode
         with self.cluster(params, known) as kube:

@@ -23,6 +23,7 @@ from ..plugin_utils._report.host_run import HostRun, noted_run
 from ..plugin_utils._report.kept import PATIENCE, keep
 from ..plugin_utils._report.results import declared_in
 from ..plugin_utils._update.outcome import RobotOutcome
+from ..plugin_utils._upstream.ansible_core import BRIEF
 
 display = Display()
 
@@ -54,7 +55,7 @@ class ActionModule(ClusterAction):
         data = {host: outcome.as_dict() for host, outcome in outcomes.items()}
         # AWX takes no artifacts by host
         stats = {"data": {"fleet_outcomes": data}, "per_host": False, "aggregate": False}
-        return {"changed": False, "ansible_stats": stats, "_ansible_verbose_override": True}
+        return {"changed": False, "ansible_stats": stats, **BRIEF}
 
     def _keep(self, runs: Iterable[HostRun], fleet: Fleet, known: Variables) -> None:
         """In each cluster what became of its hosts. One that cannot be told keeps nobody from the others."""

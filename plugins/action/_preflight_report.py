@@ -8,6 +8,7 @@ from typing import ClassVar
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._preflight.findings import ERROR, PART, judge, report, server_addresses
+from ..plugin_utils._upstream.ansible_core import SHOWN
 
 
 class ActionModule(FleetAction):
@@ -35,5 +36,5 @@ class ActionModule(FleetAction):
             "changed": False,
             "failed": any(one.severity == ERROR for one in found),
             "msg": report(host, found).splitlines(),
-            "_ansible_verbose_always": True,
+            **SHOWN,
         }

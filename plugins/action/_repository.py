@@ -10,6 +10,7 @@ from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.base import FleetAction
 from ..plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name, plan, read, write
+from ..plugin_utils._upstream.ansible_core import SHOWN
 
 COLLECTION = Path(__file__).resolve().parents[2]
 
@@ -37,5 +38,5 @@ class ActionModule(FleetAction):
             "changed": bool(changes),
             "diff": [change.diff for change in changes],
             "msg": [f"{top}:", *(change.path for change in changes), *(kept if differ else [])],
-            "_ansible_verbose_always": True,
+            **SHOWN,
         }

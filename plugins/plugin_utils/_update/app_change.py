@@ -28,7 +28,10 @@ from .plan import Step, promised
 from .revisions import identity, key_of
 from .world import Calm, CancelledError, LostError, Object, Seen
 
-NO_WAY_BACK = "no version of it was ever proven, so it stays as it is; another version takes its place"
+NO_WAY_BACK = (
+    "no version of it was ever proven, so it stays as it is: give ros_apps a version that works, or take it away "
+    "(update_remove_apps)"
+)
 WITHDRAWN = "the new version, which had not begun, was taken back"
 UNKNOWN = "nobody can tell whether its new version is at work"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"

@@ -30,6 +30,13 @@ def identity(item: Any) -> str:
     return str(item._uuid)
 
 
+# --- a task's result, which callbacks are told ------------------------------------------------------------------------
+
+HIDDEN = {"_ansible_no_log": True}  # nothing of it, at any verbosity
+SHOWN = {"_ansible_verbose_always": True}  # all of it
+BRIEF = {"_ansible_verbose_override": True}  # no more than its state, at any verbosity
+
+
 # --- an action plugin's task ----------------------------------------------------------------------------------------
 
 

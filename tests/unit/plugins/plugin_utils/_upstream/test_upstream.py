@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import functools
 import inspect
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 from ansible.executor.task_executor import TaskExecutor
+from ansible.executor.task_result import _RawTaskResult
 from ansible.inventory.manager import InventoryManager
 from ansible.parsing.dataloader import DataLoader
 from ansible.playbook import Playbook
@@ -17,6 +19,7 @@ from ansible.playbook.play_context import PlayContext
 from ansible.playbook.task import Task
 from ansible.plugins import loader as plugin_loader
 from ansible.plugins.action import ActionBase
+from ansible.plugins.callback import CallbackBase
 from ansible.template import Templar
 from ansible.vars.hostvars import HostVars
 from ansible.vars.manager import VariableManager
@@ -99,6 +102,28 @@ def test_a_run_names_its_file_its_plays_and_tasks(tmp_path: Path) -> None:
     assert ansible_core.playbook_file(playbook) == str(file)
     (play,) = playbook.get_plays()
     assert len(ansible_core.identity(play)) > 30
+
+
+def told(result: Mapping[str, Any], verbosity: int) -> str:
+    """What callbacks print of a task's result."""
+    _plugin, known = made()
+    callback = CallbackBase()
+    callback._display.verbosity, before = verbosity, callback._display.verbosity
+    try:
+        seen = _RawTaskResult(
+            known["hostvars"]._inventory.get_host("localhost"), ansible_core.task_of(_plugin), dict(result), {}
+        ).as_callback_task_result()
+        return str(callback._dump_results(seen.result)) if callback._run_is_verbose(seen) else ""
+    finally:
+        callback._display.verbosity = before
+
+
+def test_callbacks_are_told_of_a_result_what_it_says_of_itself() -> None:
+    result = {"value": "planted"}
+    assert "planted" in told(result, 1) and "planted" not in told(result, 0)
+    assert "planted" in told({**result, **ansible_core.SHOWN}, 0)
+    assert "planted" not in told({**result, **ansible_core.BRIEF}, 4)
+    assert "planted" not in told({**result, **ansible_core.HIDDEN}, 4)
 
 
 def test_options_become_the_clients_configuration() -> None:
