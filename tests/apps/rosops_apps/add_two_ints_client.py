@@ -37,7 +37,9 @@ def ask(proxy: Any, request: int, metrics: Metrics) -> dict[str, Any]:
     try:
         result = proxy(a, b).sum
     except FAILURES as error:
-        outcome = {"ok": False, "error": str(error)}
+        # rospy keeps the cause to itself: whether a master refused, was not reached or closed is what one looks for
+        cause = f": {error.__context__}" if isinstance(error.__context__, OSError) else ""
+        outcome = {"ok": False, "error": f"{error}{cause}"}
     except ENDING as error:
         outcome = {"ok": False, "error": f"unable to contact master: {error}"}
     else:
