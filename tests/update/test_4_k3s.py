@@ -233,7 +233,7 @@ def test_a_minor_version_that_does_not_start_is_taken_back_with_its_datastore(
     fleet.hosts.ssh(EDGE, f"echo '{json.dumps(told)}' | {BINARY} kubectl apply -f -")
     bad = "{{ {'kubelet-arg': ['max-pods=none']} if inventory_hostname == 'edge1' else {} }}"
     run = change(fleet, k3s_airgap_dir=versions["minor"], k3s_config=bad).must(2)
-    assert run.outcomes[EDGE] == "rolled-back", run
+    assert run.host(EDGE)["outcome"] == "rolled-back", run
     assert on(fleet, f"{BINARY} --version | head -1") == before
     left = f"{DATABASE}/etcd-old-*" if datastore == "etcd" else f"{DATABASE}.left"
     fleet.hosts.ssh(EDGE, f"ls -d {left}")  # that of the newer version
