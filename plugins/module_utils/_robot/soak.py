@@ -76,9 +76,7 @@ def conditions(step: Step, rates: bool) -> Data:
         for part in member.record.contract.parts
     ]
     found: Data = {key: [item for part in parts for item in part[key]] for key in LISTS}
-    if not rates:
-        found["topics"] = ros_contract.unstreamed(found["topics"])
-    return found
+    return found if rates else ros_contract.unstreamed(found)
 
 
 def ended(step: Step, with_host: Mapping[str, int]) -> str:

@@ -432,6 +432,7 @@ def conditions(contract: Contract, tolerance: float | None = None) -> Data:
     }
 
 
-def unstreamed(topics: Iterable[Document]) -> list[Data]:
-    """Conditions on topics without those for which streams are opened."""
-    return [{key: topic[key] for key in topic if key not in STREAMED} for topic in topics]
+def unstreamed(conditions: Data) -> Data:
+    """These conditions without those of topics for which streams are opened."""
+    topics = [{key: topic[key] for key in topic if key not in STREAMED} for topic in conditions["topics"]]
+    return {**conditions, "topics": topics}

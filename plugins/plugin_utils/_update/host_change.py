@@ -273,8 +273,7 @@ def contract_name(node: str) -> str:
 
 def conditions(graph: Graph, nodes: Iterable[str]) -> Object:
     """What these nodes are to the graph. A change of the host is no reason for another rate."""
-    found = ros_contract.conditions(ros_contract.record(graph, [*nodes]))
-    return {**found, "topics": ros_contract.unstreamed(found["topics"])}
+    return ros_contract.unstreamed(ros_contract.conditions(ros_contract.record(graph, [*nodes])))
 
 
 def _name(item: Object) -> str:

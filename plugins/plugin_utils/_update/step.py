@@ -314,8 +314,7 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> Object:
     for app, launch in step.launched.items():
         contract = gate.contracts.get(app, NOTHING)
         old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
-    found = _united([one.renamed(old) for one in gate.contracts.values()], tolerance)
-    return {**found, "topics": ros_contract.unstreamed(found["topics"])}
+    return ros_contract.unstreamed(_united([one.renamed(old) for one in gate.contracts.values()], tolerance))
 
 
 def _united(contracts: Iterable[Contract], tolerance: float, more: Sequence[Object] = ()) -> Object:
