@@ -114,6 +114,12 @@ def test_where_a_step_stands_is_told(name: str, phases: list[str], monkeypatch: 
     assert told[-len(phases) :] == phases
 
 
+def test_a_step_says_what_it_leads_from_and_to_and_how() -> None:
+    step = outcome_of(*begin("drain", "good")).steps[0]
+    assert (step.name, step.handoff, [*step.before], [*step.after]) == ("planner", "drain", ["planner"], ["planner"])
+    assert (step.before["planner"]["image"], step.after["planner"]["image"]) == (OLD, image("good"))
+
+
 def test_a_step_that_is_taken_up_leaves_no_goal_behind() -> None:
     """The keeper waits for a server that comes; this one was there before the run that proves it."""
     for at in range(1, 30):
