@@ -33,7 +33,7 @@ VERSIONS: dict[str, tuple[dict[str, Any], str, str]] = {
             "files": [{"path": PROGRAM, "content": OTHER_DEFINITION}],
         },
         "rolled-back",
-        "connected",  # who knows another definition hangs up, and is said to be "not connected" or "0 of 1 connected"
+        " is not connected to /temperature_",  # who knows another definition hangs up
     ),
     "good": ({"env": {"ROSOPS_APPS_VERSION": "rehearsed"}}, "updated", ""),
 }
