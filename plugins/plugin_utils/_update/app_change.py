@@ -297,8 +297,7 @@ class AppChange(StepChange):
         dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})
         if dead:
             self.host.reap(hands.master, dead, leaving)
-        proof = decide.proof_of_old(step, self.found, self.settings.rate_tolerance)
-        hands.ready(proof, timeout, f"{self.name} is as it was")
+        hands.ready(decide.proof_of_old(step, self.found), timeout, f"{self.name} is as it was")
         hands.apply_all(previous)
 
     def _made(self, run: str) -> list[Object]:

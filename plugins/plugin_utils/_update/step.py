@@ -305,7 +305,7 @@ def proves_nothing(conditions: Object) -> bool:
     return not any(conditions.get(key) for key in LISTS if key != "absent")
 
 
-def proof_of_old(step: Step, gate: Gate, tolerance: float) -> Object:
+def proof_of_old(step: Step, gate: Gate) -> Object:
     """The same after a way back: the contracts hold under the old names, whatever the new revision promised.
 
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
@@ -314,10 +314,10 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> Object:
     for app, launch in step.launched.items():
         contract = gate.contracts.get(app, NOTHING)
         old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
-    return ros_contract.unstreamed(_united([one.renamed(old) for one in gate.contracts.values()], tolerance))
+    return ros_contract.unstreamed(_united(one.renamed(old) for one in gate.contracts.values()))
 
 
-def _united(contracts: Iterable[Contract], tolerance: float, more: Sequence[Object] = ()) -> Object:
+def _united(contracts: Iterable[Contract], tolerance: float | None = None, more: Sequence[Object] = ()) -> Object:
     found: dict[str, list[Any]] = {key: [] for key in LISTS}
     for part in [*more, *(ros_contract.conditions(part, tolerance) for one in contracts for part in one.parts)]:
         for key in LISTS:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
@@ -650,6 +651,40 @@ def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: py
     monkeypatch.setattr(SimulatedHost, "register", refuse)
     assert outcome_of(sim, wanted).outcome == "rolled-back"
     assert any("the ROS master does not answer" in text for text in sim.said)
+
+
+def test_the_way_back_is_about_what_this_step_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other nodes of the robot are none of it, and neither is what another run marked."""
+    sim, wanted = begin("two-steps", "half-the-rate")
+    asked: dict[str, list[Any]] = {"register": [], "reap": []}
+    for name, calls in asked.items():
+        monkeypatch.setattr(SimulatedHost, name, logged(getattr(SimulatedHost, name), calls))
+    marks = set[str]()
+    put = Simulation.put
+
+    def look(sim: Simulation, item: Any, dry_run: bool = False) -> Any:
+        if (mark := mark_of(item)) is not None:
+            marks.add(mark.run)
+        return put(sim, item, dry_run)
+
+    monkeypatch.setattr(Simulation, "put", look)
+    (old,) = sim.of(("robot-robot1", "sensor"))
+    found = outcome_of(sim, wanted)
+    step = found.steps[-1]
+    (new,) = [pod for pod in sim.pods if pod.app == "sensor" and pod is not old]
+    assert (found.outcome, step.name) == ("rolled-back", "sensor")
+    base, base_of_new = (pod.node.rpartition("_")[0] for pod in (old, new))
+    assert [nodes for _master, _graph, nodes in asked["register"]] == [[base]]
+    assert [words[1:] for words in asked["reap"]] == [([base_of_new], [f"10.42.0.{new.uid}"])]
+    assert marks == {str(int(step.started))}
+
+
+def logged(call: Callable[..., Any], calls: list[Any]) -> Callable[..., Any]:
+    def instead(host: SimulatedHost, *words: Any) -> Any:
+        calls.append(words)
+        return call(host, *words)
+
+    return instead
 
 
 def test_what_a_bad_version_registered_goes_with_it_though_no_keeper_is_there(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -145,6 +145,23 @@ def test_an_app_that_came_up_and_does_not_keep_what_it_promised_is_not_proven() 
     assert word(sim, of) == "updated"
 
 
+@pytest.mark.parametrize(("mounts", "claims"), [(True, ["logs-pvc"]), (False, [])])
+def test_a_claim_is_waited_for_where_a_pod_binds_it(
+    mounts: bool, claims: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is bound by the first pod that mounts it, and a robot without apps has none."""
+    apps = [app("sensor", GOOD, volumes=[VOLUME])] if mounts else []
+    waited, wait = list[Any](), SimulatedCluster.wait
+
+    def look(cluster: SimulatedCluster, objects: Any, timeout: float, **more: Any) -> None:
+        waited.extend(item["metadata"]["name"] for item in objects if item["kind"] != "Deployment")
+        wait(cluster, objects, timeout, **more)
+
+    monkeypatch.setattr(SimulatedCluster, "wait", look)
+    assert word(Simulation(), robot(*apps, volumes=[VOLUME])) == "updated"
+    assert waited == claims
+
+
 def test_what_was_cancelled_stays_and_is_told() -> None:
     sim = Simulation()
     outcome(sim, wanted())

@@ -227,6 +227,22 @@ def test_what_a_killed_process_registered_goes_with_its_app_though_no_keeper_is_
     assert there(sim, "driver") == []
 
 
+def test_who_answers_is_not_taken_out_of_the_graph_with_an_app(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of no host it is known here that it is gone, so each node that answers is left."""
+    sim, wanted = fleet(KINDS["replace"])
+    asked, reap, told = list[Any](), SimulatedHost.reap, list[str]()
+
+    def look(host: SimulatedHost, *words: Any) -> None:
+        asked.append(words[1:])
+        reap(host, *words)
+
+    monkeypatch.setattr(SimulatedHost, "reap", look)
+    monkeypatch.setattr(Simulation, "stands", lambda _sim, phase: told.append(phase))
+    assert ended(sim, wanted) == ("updated", ["driver"])
+    assert asked == [(["/driver"], ())]
+    assert "waits until driver has left the graph" in told
+
+
 def test_another_master_is_refused_while_apps_work_and_the_way_there_works() -> None:
     """Out with the apps, then the other master, the old one away, and the apps again."""
     shared = {"mode": "shared", "image": OLD}

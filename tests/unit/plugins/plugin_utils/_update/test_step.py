@@ -96,7 +96,7 @@ def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> 
     assert [(topic["publisher"], topic["min_rate"]) for topic in rated] == [(new, 450.0)]
     assert {"name": "/calibrate"} in conditions["services"]
     assert conditions["absent"] == list(step.old_nodes.values())
-    back = proof_of_old(step, gate, 0.1)  # the same under the old names
+    back = proof_of_old(step, gate)  # the same under the old names
     assert (back["nodes"], [edge["publisher"] for edge in back["edges"]], back["absent"]) == ([old], [old], [])
     assert [(topic["publisher"], topic.get("min_rate")) for topic in back["topics"]] == [(old, None)]
 
@@ -169,7 +169,7 @@ def test_what_a_launch_file_started_is_found_by_its_pods_address() -> None:
     gate = gate_of(step, launch_graph(), Live(pods=pods))
     assert gate.calm.actions == [{"name": "/move_base", "server": "/move_base"}]
     assert proof(step, gate, 0.1)["nodes"] == ["/amcl", "/move_base"]
-    assert proof_of_old(step, gate, 0.1)["nodes"] == ["/amcl", "/move_base"]
+    assert proof_of_old(step, gate)["nodes"] == ["/amcl", "/move_base"]
     assert gate.contracts["nav"].nodes == ("/amcl", "/move_base")  # which the pod's own probe looks for, too
     assert (step.patience, sensor_step().patience) == (60.0, 0.0)
     host_network = [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.8")]
@@ -230,7 +230,7 @@ def test_check_mode_is_told_what_the_step_would_allow() -> None:
     gate = gate_of(step, graph_of(step), Live())
     assert gate.allowed == ["/temperature has to be /temp then"]
     assert [topic["name"] for topic in proof(step, gate, 0.1)["topics"]] == ["/temp"]
-    assert [topic["name"] for topic in proof_of_old(step, gate, 0.1)["topics"]] == ["/temperature"]
+    assert [topic["name"] for topic in proof_of_old(step, gate)["topics"]] == ["/temperature"]
 
 
 def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
@@ -316,7 +316,7 @@ def test_the_nodes_of_a_launch_file_are_promised_under_their_next_names() -> Non
     wanted = proof(step, gate, 0.1)
     assert set(wanted["nodes"]) == {f"/amcl{launch.new}", f"/move_base{launch.new}"}
     assert wanted["absent"] == [f"/amcl{launch.old}", f"/move_base{launch.old}"]
-    before = proof_of_old(step, gate, 0.1)
+    before = proof_of_old(step, gate)
     assert set(before["nodes"]) == {f"/amcl{launch.old}", f"/move_base{launch.old}"}
     assert [topic["name"] for topic in before["topics"]] == ["/amcl/pose"]
     assert gate.allowed[-1] == (
@@ -368,7 +368,7 @@ def test_a_pod_that_has_only_just_started_is_no_reason_to_ask_nothing_of_the_nex
     # that it is watched is said of the version before: a pod that read it of itself would not be held to anything
     record, *_rest = step_objects(step, again.contracts, 0.1, 180.0, 1000.0)
     assert (record_of(record).soak, record_of(record).contract.nodes) == (0.0, was.nodes)
-    assert proof_of_old(step, again, 0.1) == proof_of_old(step, gate, 0.1)
+    assert proof_of_old(step, again) == proof_of_old(step, gate)
 
 
 def test_a_way_back_to_another_handoff_owes_private_names_where_they_always_were() -> None:
@@ -377,7 +377,7 @@ def test_a_way_back_to_another_handoff_owes_private_names_where_they_always_were
     assert step.launched["nav"].new == ""
     gate = gate_of(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
     assert set(gate.contracts["nav"].topics) == {"/amcl/pose"}
-    wanted = proof_of_old(step, gate, 0.1)
+    wanted = proof_of_old(step, gate)
     assert [topic["name"] for topic in wanted["topics"]] == ["/amcl/pose"]
     assert [edge["publisher"] for edge in wanted["edges"]] == [f"/amcl{step.launched['nav'].old}"]
 
