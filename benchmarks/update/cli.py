@@ -7,17 +7,16 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 
 from . import report
 from .errors import BenchError
 from .experiment import Experiment, Options
-from .measure import ACTION_SECONDS, COUNT
+from .measure import COUNT
 from .order import STRESS
 from .plain_manifests import NAMES
 from .results import Results, load
-from .scenario import ARMS, CASES, FLEET, PLAIN, PUBLISHED, RATE, Case, chosen
+from .scenario import ARMS, CASES, FLEET, PLAIN, PUBLISHED, chosen
 from .trials import TRIALS, Trials
 
 
@@ -67,16 +66,6 @@ def _arms(text: str) -> list[str]:
     return [arm for arm in ARMS if arm in arms]
 
 
-def quiet_seconds(messages: int, cases: Iterable[Case]) -> float:
-    """A round's quiet beginning: a fifth of it, from 12 to 40 s; with an action as long as its completion is looked at.
-
-    >>> quiet_seconds(100_000, CASES), quiet_seconds(10_000, CASES), quiet_seconds(10_000, [])
-    (40.0, 30.0, 12.0)
-    """
-    least = ACTION_SECONDS if any(case.app == "action" for case in cases) else 12.0
-    return min(40.0, max(least, messages / RATE / 5))
-
-
 def main() -> int:
     """0: measured, whatever it showed; 1: something could not be measured; 2: no result."""
     arguments = parser().parse_args()
@@ -89,7 +78,7 @@ def main() -> int:
         return 2
     options = Options(
         arguments.trials, arguments.messages, arguments.stress, arguments.arms, cases, arguments.lab, arguments.keep,
-        arguments.plain_names, arguments.playbook, arguments.quiet or quiet_seconds(arguments.messages, cases),
+        arguments.plain_names, arguments.playbook, arguments.quiet,
         arguments.minutes, arguments.loop,
     )  # fmt: skip
     trials = Trials(arguments.data)
@@ -100,7 +89,7 @@ def main() -> int:
     results = Results()
     experiment = Experiment(options, results, trials, _say)
     settings = {"trials": options.trials, "messages": options.messages, "plain_names": options.plain_names,
-                "playbook": options.changer, "quiet_s": options.quiet}  # fmt: skip
+                "playbook": options.changer}  # fmt: skip
     try:
         try:
             # --report makes the report of a run that was broken off: after each round it can

@@ -48,7 +48,7 @@ class Options:
     keep: bool
     plain_names: str
     changer: str
-    quiet: float
+    quiet: float | None = None
     minutes: float | None = None
     loop: bool = False
 
@@ -73,23 +73,22 @@ class Experiment:
         self._set_up()
         options = self._options
         arms = self._arms()
-        names = [case.name for case in options.cases]
+        cases = {case.name: case for case in options.cases}
         longest = 0.0
-        for (stress, trial, name), missing in self._trials.missing(options.trials, options.arms, options.stress, names):
+        for (stress, trial, name), case in self._trials.missing(options.trials, options.arms, options.stress, cases):
             if options.minutes and time.monotonic() - self._started + longest > options.minutes * 60:
                 self._say(f"{options.minutes:g} minutes are over; the next run goes on here")
                 break
-            cases = [case for case in options.cases if case.name in missing]
-            plan = Plan(cases, options.messages, options.quiet, self._say, options.loop)
-            self._say(f"trial {trial} of {options.trials}, {name}{', under stress' if stress else ''}")
+            plan = Plan(cases[case], options.messages, self._say, options.quiet, options.loop)
+            self._say(f"trial {trial} of {options.trials}, {name}, {case}{', under stress' if stress else ''}")
             began = time.monotonic()
             try:
                 self._round(arms[name], plan, (trial, stress))
             except Exception as error:  # a run takes hours: one round that fails must not cost the others
                 with (self._results.directory / "errors.log").open("a", encoding="utf-8") as file:
                     file.write(traceback.format_exc())
-                self._note(f"trial {trial}, {name}, stress {stress}: {error!r}")
-                self._keep_journals(_named(stress, trial, name))
+                self._note(f"trial {trial}, {name}, {case}, stress {stress}: {error!r}")
+                self._keep_journals(_named(stress, trial, name, plan.case))
             after_round()
             longest = max(longest, time.monotonic() - began)
             self._say(f"  {time.monotonic() - began:.0f} s")
@@ -101,18 +100,16 @@ class Experiment:
         wait_for("the cluster", self._complaint, READY_SECONDS)  # one that restarted must not cost all rounds to come
         for other in (PlainArm.namespace, FleetArm.namespace):  # nothing of the other arm may use the machine
             clear(self._cluster, other)
-        keep = self._results.raw / _named(stress, trial, arm.name)
+        keep = self._results.raw / _named(stress, trial, arm.name, plan.case)
         log = keep.with_name(f"{keep.name}-stress.log")
         hardship = Stress(self._options.lab, ROBOT, log, self._say) if stress else nullcontext()
         measured = run_round(self._cluster, arm, plan, which, keep, hardship)
         self._results.add(measured)
         if not self.about.get("ros"):
             self.about = {**self.about, **about(self._cluster)}
-        self._trials.add(Trial(arm.name, stress, trial, self.about, measured))
-        for item in measured:
-            if item.details["problem"]:
-                self._note(f"trial {trial}, {arm.name}, {item.record['app']}/{item.record['update']}: "
-                           f"{item.details['problem']}")  # fmt: skip
+        self._trials.add(Trial(arm.name, stress, trial, self.about, [measured]))
+        if measured.details["problem"]:
+            self._note(f"trial {trial}, {arm.name}, {plan.case.name}: {measured.details['problem']}")
 
     def _complaint(self) -> str:
         """What the API server says instead of that it is ready."""
@@ -188,6 +185,6 @@ class Experiment:
             self._cluster.lab_command("down", "--lab", self._options.lab)
 
 
-def _named(stress: bool, trial: int, arm: str) -> str:
+def _named(stress: bool, trial: int, arm: str, case: Case) -> str:
     """What the files of a round are called by."""
-    return f"{'stress' if stress else 'calm'}-{trial:02d}-{arm}"
+    return f"{'stress' if stress else 'calm'}-{trial:02d}-{arm}-{case.app}-{case.update}"

@@ -13,7 +13,7 @@ from .cores import CONTROL_CORES, CORES, ROBOT_CORES, kubelet_arguments
 from .errors import BenchError
 from .fleet_inventory import variables
 from .paths import CHECKOUT
-from .scenario import FLEET, App, Case, all_apps
+from .scenario import FLEET, App, Case
 from .step import Step, fleet_step
 from .windows import Span
 
@@ -63,9 +63,9 @@ class FleetArm:
             tail = self._log.read_text(encoding="utf-8").splitlines()[-40:]
             raise BenchError("\n".join([*tail, f"site.yml ended with {status}; its log is {self._log}"]))
 
-    def deploy(self, cases: Iterable[Case]) -> None:
-        """Everything at its first version, up."""
-        self._apps = {app.name: app for app in all_apps(cases)}
+    def deploy(self, case: Case) -> None:
+        """Its apps at their first version, up."""
+        self._apps = {app.name: app for app in case.apps}
         self._write(self._apps.values())
         self.site("--tags", STAGES)
 

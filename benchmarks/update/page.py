@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ The dissertation's experiment on real ROS 1 nodes in the lab's cluster: the same
 Kubernetes (`kubectl apply` and its rolling update, readiness by a file, as the dissertation has it) and by
 `playbooks/update.yml`, in turn, trial after trial, quiet and with stress-ng at 80 % of the robot's CPU and memory.
 A sensor publishes at 500 Hz; a service is asked 20 times a second; goals of an action take about 220 ms of work.
+The robot runs the apps of the one case that is measured, and its one core is not full.
 
 * `pubsub/minor`: another tag of the subscriber. `pubsub/major`: another library with it. `pubsub/simultaneous`:
   publisher and subscriber at once. `pubsub-roscpp-queue10`: the same in C++ with a publisher's queue of 10.
@@ -59,8 +61,8 @@ the step, in the round's quiet beginning.
   trials did not count them, and the programs in C++ do not.
 * Completion and the longest goal are of those sent within {ACTION_SECONDS:g} s from the command, or until 5 s
   after its end if that is later. `fleet-no-hold` is fleet with `ros_master_goal_forwarding: false`.
-* `plain-before` and `fleet-before` are trials of the release before, which were made on another day. They are
-  judged by nothing above.
+* `plain-before` and `fleet-before` are trials of versions before, made on other days. In nearly all of them the
+  robot ran the apps of all cases at once, 28 on one core, and that core was full: nothing above is judged by them.
 """
 
 LOOPS = """## A control loop beside an update
@@ -83,7 +85,7 @@ AGAIN = """## Run it again
     make bench-look BENCH=--publish    # what a look at a large graph costs
     make bench-site BENCH="--robots 10 --hertz 20 --publish"   # the playbooks with ten robots
 
-A finished trial is one line in `benchmarks/update/results/trials.jsonl`; a trial that is there is not made again.
+What a round gave is one line in `benchmarks/update/results/trials.jsonl`; a round that is there is not made again.
 Take lines away to have them measured anew. Logs and counters of a run stay in `benchmarks/results/`, which is not
 in the repository. The robot's container has cores of its own; the control node and the edge host have the others.
 """
@@ -128,12 +130,10 @@ def text(
 
 def _measured(trials: Trials) -> list[str]:
     """A run may have gone on elsewhere, or with other code: all of it is said."""
-    counts: dict[str, int] = {}
-    for trial in trials.all:
-        key = f"{trial.arm}, {'under stress' if trial.stress else 'quiet'}"
-        counts[key] = counts.get(key, 0) + 1
+    counts = Counter((trial.arm, trial.stress) for trial in {one.which: one for one in trials.all}.values())
     lines = [f"* {key}: {said}" for key in ABOUT if (said := _said(trials, key))]
-    made = "; ".join(f"{key}: {many}" for key, many in sorted(counts.items()))
+    made = "; ".join(f"{arm}, {'under stress' if stress else 'quiet'}: {many}"
+                     for (arm, stress), many in sorted(counts.items()))  # fmt: skip
     return ["## What was measured, on what", "\n".join([*lines, f"* trials: {made}"])]
 
 
@@ -167,7 +167,9 @@ def _bars(trials: Trials) -> str:
 def _not_measured(trials: Trials) -> str:
     """What is published and in no trial: it is said, not left out."""
     there = {(item["arm"], bool(item["stress"]), f"{item['app']}/{item['update']}") for item in trials.records}
-    wanted = [(arm, stress, case) for arm in ARMS for stress in (False, True) for case in of_arm(arm, PUBLISHED)]
+    wanted = [
+        (arm, stress, case) for arm in ARMS for stress in (False, True) for case in PUBLISHED if of_arm(arm, case)
+    ]
     missing: dict[str, list[str]] = {}
     for arm, stress, case in wanted:
         if (arm, stress, case) not in there:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from . import plain_manifests as manifests
 from .cluster import ROBOT, Cluster, wait_for
 from .errors import BenchError
 from .rollouts import unfinished
-from .scenario import Case, all_apps
+from .scenario import Case
 from .step import Step
 from .windows import Span
 
@@ -32,14 +31,13 @@ class PlainArm:
         self._log = directory / "plain.log"
         self._master = master
 
-    def deploy(self, cases: Iterable[Case]) -> None:
-        """Everything at its first version, up."""
-        apps = all_apps(cases)
+    def deploy(self, case: Case) -> None:
+        """Its apps at their first version, up."""
         base = manifests.base(ROBOT, self._master)
         self._apply(base)
         self._wait([manifests.MASTER], DEPLOY_SECONDS)
-        self._apply([manifests.app_deployment(app, ROBOT, self._names) for app in apps])
-        self._wait([app.name for app in apps], DEPLOY_SECONDS)
+        self._apply([manifests.app_deployment(app, ROBOT, self._names) for app in case.apps])
+        self._wait([app.name for app in case.apps], DEPLOY_SECONDS)
 
     def update(self, case: Case) -> Step:
         """One `kubectl apply` of what the case changes."""

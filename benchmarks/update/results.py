@@ -24,13 +24,12 @@ class Results:
         self.records: list[Record] = []
         self.details: list[dict[str, Any]] = []
 
-    def add(self, measured: list[Measured]) -> None:
-        """Keep the records of a round."""
-        for item in measured:
-            self.records.append(item.record)
-            self.details.append(item.details)
-            _append(self.directory / "records.jsonl", item.record)
-            _append(self.directory / "details.jsonl", item.details)
+    def add(self, measured: Measured) -> None:
+        """Keep what a round gave."""
+        self.records.append(measured.record)
+        self.details.append(measured.details)
+        _append(self.directory / "records.jsonl", measured.record)
+        _append(self.directory / "details.jsonl", measured.details)
 
     def write(self, name: str, content: str) -> Path:
         """A file of the run, and the same under a name that does not change."""

@@ -193,9 +193,9 @@ PUBLISHED = (
 )
 
 
-def of_arm(arm: str, names: Iterable[str]) -> list[str]:
-    """The cases that an arm has a say in: of whether goals are held, the actions."""
-    return [name for name in names if arm != NO_HOLD or name.startswith("action/")]
+def of_arm(arm: str, case: str) -> bool:
+    """Whether an arm has a say in it: of whether goals are held, in the actions."""
+    return arm != NO_HOLD or case.startswith("action/")
 
 
 def chosen(names: Iterable[str], cases: Iterable[Case] = CASES) -> list[Case]:
@@ -205,11 +205,6 @@ def chosen(names: Iterable[str], cases: Iterable[Case] = CASES) -> list[Case]:
     if unknown := [name for name in wanted if name not in known]:
         raise ValueError(f"no case {', '.join(unknown)}; there are {', '.join(case.name for case in every)}")
     return [case for case in every if not wanted or {case.name, case.app} & set(wanted)]
-
-
-def all_apps(cases: Iterable[Case]) -> list[App]:
-    """Every app of the cases, at its first version."""
-    return [app for case in cases for app in case.apps]
 
 
 def images(cases: Iterable[Case]) -> list[str]:

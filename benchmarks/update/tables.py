@@ -226,15 +226,15 @@ def loop_table(details: Iterable[Mapping[str, Any]]) -> str:
 
 def usage_table(details: Iterable[Mapping[str, Any]]) -> str:
     """CPU (per cent of one core) and memory of both arms: pods with their probes and hooks, and all of both hosts."""
-    kept: dict[tuple[str, bool], dict[int, Mapping[str, Any]]] = {}
+    kept: dict[tuple[str, bool], list[Mapping[str, Any]]] = {}
     for item in details:
-        kept.setdefault((item["arm"], item["stress"]), {})[item["trial"]] = item
+        kept.setdefault((item["arm"], item["stress"]), []).append(item)
     rows = []
-    for (arm, stress), trials in kept.items():
-        loads = [trial.get("load_before") for trial in trials.values()]
+    for (arm, stress), items in kept.items():
+        loads = [item.get("load_before") for item in items]
         for part in ("quiet", "updates"):
             figures = [
-                number(_mean((item[f"usage_{part}"] or {}).get(key) for item in trials.values()), 1)
+                number(_mean((item[f"usage_{part}"] or {}).get(key) for item in items), 1)
                 for key in ("pods_cpu", "pods_mib", "hosts_cpu", "hosts_mib")
             ]
             rows.append([arm, "yes" if stress else "no", part, *figures, number(_mean(loads), 1)])

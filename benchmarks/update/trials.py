@@ -25,7 +25,7 @@ Which = tuple[bool, int, str]  # under stress, trial, arm
 
 @dataclass(frozen=True)
 class Trial:
-    """One round of an arm with what it was measured on."""
+    """One round of an arm with what it was measured on: a case of a trial. Rounds of before had all of its cases."""
 
     arm: str
     stress: bool
@@ -77,20 +77,15 @@ class Trials:
         """Of all trials, in the same order."""
         return [item.details for trial in self.all for item in trial.measured]
 
-    def missing(
-        self, trials: int, arms: Sequence[str], stress: str, cases: Iterable[str]
-    ) -> list[tuple[Which, list[str]]]:
-        """What is still to be measured, in the order of the rounds: which one, and the names of its cases."""
-        wanted = list(cases)
-        there: dict[Which, set[str]] = {}
-        for trial in self.all:
-            names = {f"{item.record['app']}/{item.record['update']}" for item in trial.measured}
-            there.setdefault(trial.which, set()).update(names)
-        found = [
-            (which, [name for name in of_arm(which[2], wanted) if name not in there.get(which, ())])
-            for which in rounds(trials, arms, stress)
-        ]
-        return [(which, names) for which, names in found if names]
+    def missing(self, trials: int, arms: Sequence[str], stress: str, cases: Iterable[str]) -> list[tuple[Which, str]]:
+        """What is still to be measured, in the order of the rounds: which one, and the name of its case."""
+        there = {
+            (*trial.which, f"{item.record['app']}/{item.record['update']}")
+            for trial in self.all
+            for item in trial.measured
+        }
+        wanted = rounds(trials, arms, stress, list(cases))
+        return [(one[:3], one[3]) for one in wanted if one not in there and of_arm(one[2], one[3])]
 
 
 def _whole(text: str) -> Iterable[Trial]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -45,8 +44,3 @@ def around(update: Span, seconds: float, first: float) -> Span:
 def after_start(update: Span, seconds: float, more: float = 5.0) -> Span:
     """A span of fixed length from the update's start, at least until `more` seconds after its end."""
     return Span(update.start, max(update.start + seconds, update.end + more))
-
-
-def last_end(spans: Iterable[Span], default: float) -> float:
-    """When the last of them ends."""
-    return max((span.end for span in spans), default=default)

@@ -9,18 +9,18 @@ import pytest
 from update.fleet_inventory import item, variables
 from update.plain_manifests import NAMESPACE, app_deployment, base, node_name
 from update.rollouts import restarts, unfinished
-from update.scenario import CASES, all_apps
+from update.scenario import CASES
 from update.stress import LEAST, MEMORY, command, fill_bytes
 from update.usage import usage
 from update.windows import Span
 
 MINOR = CASES[0]
+APPS = [app for case in CASES for app in case.apps]
 
 
 def test_every_pair_has_names_of_its_own() -> None:
-    apps = all_apps(CASES)
-    assert len({app.name for app in apps}) == len(apps) == sum(len(case.apps) for case in CASES)
-    assert len({app.log_dir for app in apps}) == len(apps)
+    assert len({app.name for app in APPS}) == len(APPS)
+    assert len({app.log_dir for app in APPS}) == len(APPS)
     topics = [case.source.topic for case in CASES if case.source.topic]
     assert len(set(topics)) == len(topics)
 
@@ -58,7 +58,7 @@ def test_node_names_of_the_plain_arm() -> None:
 
 
 def test_both_arms_run_the_same_programs_with_the_same_settings() -> None:
-    for app in all_apps(CASES):
+    for app in APPS:
         plain = app_deployment(app, "robot1", "same")["spec"]["template"]["spec"]["containers"][0]
         fleet = item(app)
         for key in ("image", "command", "resources"):

@@ -108,11 +108,11 @@ def test_a_service_is_not_slower_than_plain_and_stress_allows_an_action_more() -
     assert verdicts(judge(actions))[3] == MISS
 
 
-def test_the_order_of_the_arms_is_swapped_in_every_other_trial() -> None:
-    assert [(stress, trial, arm) for stress, trial, arm in rounds(2, ("plain", "fleet"), "both") if not stress] == [
-        (False, 1, "plain"), (False, 1, "fleet"), (False, 2, "fleet"), (False, 2, "plain"),
-    ]  # fmt: skip
-    assert len(list(rounds(2, ("plain",), "yes"))) == 2
+def test_each_case_is_an_arm_s_first_in_every_other_trial() -> None:
+    made = list(rounds(2, ("plain", "fleet"), "both", ("a", "b")))
+    first = [(trial, case, arm) for stress, trial, arm, case in made[::2] if not stress]
+    assert first == [(1, "a", "plain"), (1, "b", "fleet"), (2, "a", "fleet"), (2, "b", "plain")]
+    assert len(list(rounds(2, ("plain",), "yes", ("a",)))) == 2
 
 
 def test_requests_of_a_span() -> None:

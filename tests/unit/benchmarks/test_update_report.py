@@ -104,7 +104,8 @@ def test_the_files_of_a_run(
 ) -> None:
     monkeypatch.setattr(results, "RESULTS", tmp_path)
     run = results.Results("run")
-    run.add([of_minor("plain", 8), of_minor("fleet", 0)])
+    run.add(of_minor("plain", 8))
+    run.add(of_minor("fleet", 0))
     about: dict[str, Any] = {"machine": "a machine", "k3s": "v1"}
     report.write(run, about, {"trials": 1}, [])
     records = [json.loads(line) for line in (run.directory / "records.jsonl").read_text().splitlines()]
