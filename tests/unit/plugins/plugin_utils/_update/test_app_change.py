@@ -95,23 +95,29 @@ def test_a_new_app_is_there_or_gone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "phases"),
+    ("name", "version", "phases"),
     [
-        ("overlap", [
+        ("overlap", "good", [
             "sensor: apply", "sensor: rollout", "sensor: verify", "waits until sensor is what was recorded",
             "waits until sensor is what was recorded", "sensor: finish",
         ]),
-        ("master", [
+        ("drain", "half-the-rate", [
+            "planner: rollout", "planner: wait", "planner waits until its new version is idle, to take it back",
+            "planner: rollback", "waits until planner is as it was",
+        ]),
+        ("master", "good", [
             "ros-master: apply", "ros-master: rollout", "ros-master: verify", "waits until the new master answers",
             "waits until ros-master is what was recorded", "waits until ros-master is what was recorded",
             "ros-master: finish",
         ]),
     ],
 )  # fmt: skip
-def test_where_a_step_stands_is_told(name: str, phases: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_a_step_stands_is_told(
+    name: str, version: str, phases: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     told: list[str] = []
     monkeypatch.setattr(Simulation, "stands", lambda _sim, phase: told.append(phase))
-    outcome_of(*begin(name, "good"))
+    outcome_of(*begin(name, version))
     assert told[-len(phases) :] == phases
 
 
@@ -616,6 +622,15 @@ def test_a_bad_version_is_not_taken_back_while_it_works(goal: float, fault: str,
     sim.advance(goal)
     assert sent.ended
     assert outcome_of(sim, wanted).outcome == "rolled-back"
+
+
+@pytest.mark.parametrize(("tolerance", "word"), [(0.6, "updated"), (0.4, "rolled-back")])
+def test_a_rate_may_fall_by_what_the_inventory_says(tolerance: float, word: str) -> None:
+    sim, wanted = begin("overlap", "half-the-rate")
+    sim.watched = set()
+    sim.prove = lambda _item: None  # type: ignore[method-assign] # elsewhere it is a bad version
+    sim.is_proven = lambda *_given: None  # type: ignore[method-assign]
+    assert outcome_of(sim, wanted, rate_tolerance=tolerance).outcome == word
 
 
 def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:

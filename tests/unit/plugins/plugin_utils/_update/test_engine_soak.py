@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import soak
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings, World
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import OLD, SCENARIOS, begin, outcome_of
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedCluster, SimulatedHost, Simulation
@@ -123,9 +128,34 @@ def test_a_robot_that_is_away_meanwhile_is_not_taken_back() -> None:
     assert after(sim, "overlap") == ({PROVEN}, {image("good")})
 
 
-def test_a_version_that_was_proven_before_does_not_soak_again() -> None:
-    sim, wanted = begin("overlap", "good")
+def soaks(sim: Simulation, name: str) -> bool:
+    """Whether the keeper would take its apps back."""
+    return all(SOAKING in sim.objects["Deployment", ROBOT, one]["metadata"]["annotations"] for one in apps_of(name))
+
+
+@pytest.mark.parametrize("name", ["overlap", "group"])
+def test_a_version_that_was_proven_before_does_not_soak_again(name: str) -> None:
+    sim, wanted = begin(name, "good")
     assert outcome_of(sim, wanted).outcome == "updated"
-    assert after(sim, "overlap")[0] == {PROVEN}
-    assert outcome_of(sim, SCENARIOS["overlap"].robot(OLD)).outcome == "updated"
-    assert said(sim, "overlap") == {PROVEN}
+    assert soaks(sim, name)
+    assert after(sim, name)[0] == {PROVEN}
+    assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "updated"
+    assert said(sim, name) == {PROVEN}
+    assert not soaks(sim, name)
+
+
+def test_of_a_step_with_one_new_version_all_soak() -> None:
+    sim, wanted = begin("group", "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert after(sim, "group")[0] == {PROVEN}
+    old, newer = SCENARIOS["group"].robot(OLD), SCENARIOS["group"].robot(image("good", 2))
+    assert outcome_of(sim, replace(old, apps=[old.apps[0], newer.apps[1]])).outcome == "updated"
+    assert soaks(sim, "group")
+
+
+def test_who_comes_first_soaks_for_nobody() -> None:
+    """There is no version that the keeper could go back to."""
+    sim, _wanted = begin("overlap", "good")
+    more = replace(WHOSE, apps=[*WHOSE.apps, *robot(app("driver", OLD)).apps])
+    assert outcome_of(sim, more).outcome == "updated"
+    assert SOAKING not in sim.objects["Deployment", ROBOT, "driver"]["metadata"]["annotations"]
