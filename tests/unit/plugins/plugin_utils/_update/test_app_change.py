@@ -482,6 +482,34 @@ def test_a_robot_that_went_to_work_again(
         assert outcome_of(sim, wanted, since=engine.waiting).outcome == "updated"
 
 
+@pytest.mark.parametrize("goal", [30.0, 4.0])
+def test_a_subscriber_that_comes_while_a_step_waits_is_owed_its_messages(
+    goal: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a robot at work nobody knows what came; what comes within seconds is seen by the next step."""
+    sim, wanted = watched("drain", "good")
+    late = Process("/late", "http://10.42.1.2:4000/", subscriptions=["/load"])
+    sim.others.append(late)
+
+    def goes() -> None:
+        sim.goal("/plan", goal)
+        sim.later(2.0, lambda: sim.register(late))
+
+    works_again(monkeypatch, goes)
+    assert outcome_of(sim, wanted).outcome == "updated"
+    owed = [edge[1:] for edge in sim.promised("robot-robot1", "planner")["edges"]]
+    assert (["/load", "/late"] in owed) == (goal > 5.0), owed
+
+
+@pytest.mark.parametrize("goal", [0.0, 15.0])
+def test_what_a_robot_at_work_sends_is_no_measure_of_who_is_forced(goal: float) -> None:
+    sim, wanted = begin("drain", "good")
+    if goal:
+        sim.goal("/plan", goal)
+    assert outcome_of(sim, wanted, on_busy="force").outcome == "updated"
+    assert ("rates" in sim.calls) == (not goal)
+
+
 @pytest.mark.parametrize("first", [0.0, 29.0])
 def test_a_robot_that_rests_for_moments_only_is_not_asked_for_two_of_them(first: float) -> None:
     sim, wanted = watched("drain", "good")
