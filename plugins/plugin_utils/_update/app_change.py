@@ -161,8 +161,7 @@ class AppChange(StepChange):
             if not found.calm:
                 later = [decide.step_gate(step, known.graph, known.live) for step in self.later]
                 missing |= {node for other in later if not other.calm for node in other.nodes} - known.rated
-            seconds = self.settings.rate_seconds if missing else 0.0
-            known.learn(self.host.graph(known.master, seconds, sorted(missing)))
+            known.learn(self.host.graph(known.master, self.settings.rate_seconds, sorted(missing)))
             known.rated |= missing
             self._look()
             if waited and self.found.calm.actions != found.calm.actions:  # what was unknown is known by now

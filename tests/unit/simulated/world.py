@@ -631,6 +631,7 @@ class SimulatedHost:
         sim = self.sim
         with sim.call("rates" if nodes else "graph", 0.7):
             assert master
+            assert rate_seconds or not nodes
             heard = sim.graph().heard(nodes)
             rates = sim.rates(heard, dict.fromkeys(heard.topics, rate_seconds)) if nodes else {}
             return graph_from(graph_data(sim.graph().measured(rates)))

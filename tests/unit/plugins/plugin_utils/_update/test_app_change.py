@@ -342,6 +342,27 @@ def test_a_subscriber_that_comes_during_a_step_is_owed_its_messages_by_the_next(
     assert ["/mean", "/late"] in [edge[1:] for edge in sim.promised("robot-robot1", "stats")["edges"]]
 
 
+@pytest.mark.parametrize(
+    ("more", "measured"), [([], 1), ([app("planner", OLD, pattern="action", readiness={"actions": ["plan"]})], 2)]
+)
+def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(more: list[dict[str, Any]], measured: int) -> None:
+    """An action's server is measured in the rest that its own step waits for."""
+
+    def of(image: str) -> Robot:
+        apps = [
+            app("sensor", image),
+            app("stats", image, depends_on=["sensor"]),
+            *({**one, "image": image} for one in more),
+        ]
+        return robot(*apps)
+
+    sim = Simulation()
+    sim.install(of(OLD))
+    found = outcome_of(sim, of(image("good")))
+    assert (found.outcome, len(found.steps)) == ("updated", 2 + len(more))
+    assert sim.calls.count("rates") == measured
+
+
 # --- rates that nobody can tell --------------------------------------------------------------------------------------
 
 
