@@ -37,7 +37,14 @@ from .state import Host, LabState
 PARALLEL = 8
 INOTIFY = Path("/proc/sys/fs/inotify/max_user_instances")
 INOTIFY_NEEDED = 1024
-PODS = "10.42.0.0/16"  # of k3s, unless it is told another one
+PODS, SERVICES = "10.42.0.0/16", "10.43.0.0/16"  # of k3s, unless it is told others
+# This machine's iptables see what the hosts send (bridge-nf-call-iptables). podman puts the bridge's address into all
+# that leaves its network; what a host sends to another one's pods keeps its own address, as on a network of real hosts.
+# A call of a Service for which its node has no rules yet would leave the lab, and somebody might answer there.
+RULES = (
+    ("nat", "POSTROUTING", "-s", str(POOL), "-d", PODS, "-j", "ACCEPT"),
+    ("filter", "FORWARD", "-s", str(POOL), "-d", SERVICES, "-j", "REJECT"),
+)
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class Lab:
         """Mends what is there and makes what is missing; with `fresh` every host is a new one."""
         groups = parse_hosts(hosts) if hosts else self._known_groups()
         _raise_inotify_limit()
-        _leave_addresses()
+        _keep_rules()
         image = host_image(self.cache)
         with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
             if fresh:
@@ -153,15 +160,11 @@ def ensure_network(cache: Cache, name: str, labels: dict[str, str]) -> IPv4Netwo
         return subnet
 
 
-def _leave_addresses() -> None:
-    """What a host sends to pods of another one has its own address, as on a network of real hosts.
-
-    Packets on a bridge go through this machine's iptables (bridge-nf-call-iptables), where podman puts the bridge's
-    address into all that leaves its network. The rule stays until the next reboot.
-    """
-    rule = ["POSTROUTING", "-s", str(POOL), "-d", PODS, "-j", "ACCEPT"]
-    if run(["iptables", "-w", "-t", "nat", "-C", *rule], check=False).returncode != 0:
-        run(["iptables", "-w", "-t", "nat", "-I", *rule])
+def _keep_rules() -> None:
+    """They stay until the next reboot."""
+    for table, *rule in RULES:
+        if run(["iptables", "-w", "-t", table, "-C", *rule], check=False).returncode != 0:
+            run(["iptables", "-w", "-t", table, "-I", *rule])
 
 
 def _raise_inotify_limit() -> None:
