@@ -62,7 +62,7 @@ the step, in the round's quiet beginning.
 * Completion and the longest goal are of those sent within {ACTION_SECONDS:g} s from the command, or until 5 s
   after its end if that is later. `fleet-no-hold` is fleet with `ros_master_goal_forwarding: false`.
 * `plain-before` and `fleet-before` are trials of versions before, made on other days. In nearly all of them the
-  robot ran the apps of all cases at once, 28 on one core, and the hosts used 81 to 190 % of the two cores before
+  robot ran the apps of all cases at once, 28 on one core, and the hosts used 65 to 191 % of the two cores before
   any update. Nothing above is judged by them.
 """
 
