@@ -94,6 +94,8 @@ class Outside:
     sleep: Callable[[float], None] = time.sleep
     # whether the master had, at that time by `now`, been given back what the one before had
     is_whole: Callable[[float], bool] = lambda _since: True
+    # whether the app's own word, which somebody else asks for, is there; a contract says without it what is to come
+    agreed: Callable[[], bool] = lambda: True
 
 
 def started(settings: Settings, before: State, ros: Backend, outside: Outside) -> str:
@@ -168,7 +170,7 @@ class Starting:
     def __call__(self) -> list[Check]:
         self.unregistered = False
         # first the command: what the app registered before it agreed is in the graph that is looked at then
-        command = self.settings.command
+        command, agreed = self.settings.command, self.outside.agreed()
         reason = self.outside.run(command, COMMAND_TIMEOUT) if command else ""
         checks = [Check("command", "readiness", WAIT, reason)] if reason else []
         # read at every look: an update's contract may come to the pod after it has started
@@ -177,7 +179,7 @@ class Starting:
             return checks
         began = self.now()
         try:
-            checks = [*self._graph(owed, not checks), *checks]
+            checks = [*self._graph(owed, agreed, not checks), *checks]
         except RosError as error:
             return [Check("master", self.ros.uri, WAIT, str(error)), *checks]
         # a peer that a master begun anew does not know yet is no peer that has gone
@@ -185,7 +187,7 @@ class Starting:
             return [Check("master", self.ros.uri, WAIT, FORGETFUL)]
         return checks
 
-    def _graph(self, owed: Owed, whole: bool) -> list[Check]:
+    def _graph(self, owed: Owed, agreed: bool, whole: bool) -> list[Check]:
         state = self.ros.state(types=True)
         ended = self._ended(state)
         if overall([check.verdict for check in ended]) == FAIL:  # all else only follows from it
@@ -208,6 +210,7 @@ class Starting:
         awaited = [gap for gap, since in self.missing.items() if not is_forgiven(gap, wanted, self.now() - since)]
         checks = judge(graph, wanted, awaited)
         checks += self._settled(own) if not (owed.contract or self.settings.command) else []
+        checks += [] if agreed or wanted.contract else [Check("command", "readiness", WAIT, "it has not passed yet")]
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
             if self.settings.expect_node and all(check.verdict == PASS for check in checks):

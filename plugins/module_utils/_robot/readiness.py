@@ -46,12 +46,20 @@ PROVE, WITHDRAW, END = "prove", "withdraw", "end"
 # ---- what is to be done
 
 
+def _running(pod: Object) -> Object:
+    """What the kubelet says of the app's container, where that runs."""
+    found = (pod.get("status") or {}).get("containerStatuses") or ()
+    return next((one for one in found if one.get("name") == CONTAINER and "running" in (one.get("state") or {})), {})
+
+
 def container_of(pod: Object) -> str:
-    """The id of the app's container, once it runs and its own startup probe, where it has one, has passed; or empty."""
-    for one in (pod.get("status") or {}).get("containerStatuses") or ():
-        if one.get("name") == CONTAINER and "running" in (one.get("state") or {}) and one.get("started") is not False:
-            return str(one.get("containerID") or "")
-    return ""
+    """The id of the app's container, once it runs; or empty."""
+    return str(_running(pod).get("containerID") or "")
+
+
+def has_started(pod: Object) -> bool:
+    """Whether its own startup probe, where it has one, has passed."""
+    return _running(pod).get("started", True) is not False
 
 
 def is_proven(pod: Object) -> bool:
@@ -65,7 +73,7 @@ def due(pod: Object) -> str:
     if is_terminating(pod):
         return END
     if container_of(pod):
-        return "" if is_proven(pod) else PROVE
+        return "" if is_proven(pod) and has_started(pod) else PROVE
     return WITHDRAW if (gate_of(pod) or {}).get("status") == "True" else ""
 
 
@@ -200,36 +208,54 @@ class Readiness:
     # ---- a new version
 
     def _prove(self, uid: str, container: str) -> None:
+        """The graph is looked at while the pod's own command is still awaited, and once more when that has passed.
+
+        The kubelet takes up to a second to count a gate, so the gate has to be there when the command passes. A look
+        that finds something missing until then takes it back.
+        """
         pod, began, told, told_at = self.pods[uid], self.now(), "", self.now() - TELL
-        if (gate_of(pod) or {}).get("status") == "True":
+        proven, proven_at = is_proven(pod), began
+        if not proven and (gate_of(pod) or {}).get("status") == "True":
             self._say(pod, False, ANEW)
         look = self.looks(pod)
         while True:
+            has_agreed = has_started(self.pods.get(uid, {}))
             with self.turn:
                 checks = look()
             pod = self.pods.get(uid, {})
-            if due(pod) != PROVE or container_of(pod) != container:
+            if is_terminating(pod) or container_of(pod) != container:
                 return
-            verdict = overall([check.verdict for check in checks])
+            verdict, text, now = overall([check.verdict for check in checks]), message(checks), self.now()
             if verdict == PASS:
-                break
-            text, now = message(checks), self.now()
-            if look.unregistered and began < self.keeper.restarted_at <= now - UNHEARD:
+                if not proven or (has_agreed and now - proven_at > LATCHED):
+                    self._take_latched(pod)
+                if not proven:
+                    self._open(pod, container)
+                    proven, proven_at, told = True, now, ""
+                if has_agreed:
+                    self.log(f"{self.namespace}: {name_of(pod)} is ready")
+                    return
+            elif look.unregistered and began < self.keeper.restarted_at <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
                 self.cluster.tell(self.namespace, pod, "NodeUnheard", words)
                 self.log(f"{self.namespace}: {name_of(pod)}: {words}")
                 return
-            if text != told and (verdict == FAIL or now - told_at >= TELL):
+            elif text != told and (verdict == FAIL or proven or now - told_at >= TELL):
                 self._say(pod, False, text)
-                told, told_at = text, now
-            self.sleep(INTERVAL if now - began < SECONDS else SLOW_INTERVAL)
+                proven, told, told_at = False, text, now
+            self.sleep(INTERVAL if not proven and now - began < SECONDS else SLOW_INTERVAL)
+
+    def _take_latched(self, pod: Object) -> None:
+        """From the pods that it is to replace."""
         for node in self._nodes([one for one in self._others(pod) if not is_terminating(one)]):
             self.keep_latched(node.name, node.uri, LATCHED)
+
+    def _open(self, pod: Object, container: str) -> None:
         said = self._say(pod, True, PROVEN + container)
         rest = [one for one in pod["status"].get("conditions") or () if one.get("type") != READINESS]
-        self.pods[uid] = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}  # the watch is a moment late
-        self.log(f"{self.namespace}: {name_of(pod)} is ready")
+        proven = {**pod, "status": {**pod["status"], "conditions": [*rest, said]}}
+        self.pods[pod["metadata"]["uid"]] = proven  # the watch is a moment late
 
     def looks(self, pod: Object) -> Starting:
         """Who looks at a pod again and again."""
@@ -248,7 +274,8 @@ class Readiness:
             return owed_by(record_of(self.cluster.config_map(self.namespace, record)), settings.revision)
 
         outside = Outside(
-            run=lambda *_: "",  # its own startup probe has asked the command
+            run=lambda *_: "",  # its own startup probe asks the command
+            agreed=lambda: has_started(self.pods.get(uid, {})),
             here=here,
             is_here=lambda uri: host_of(uri) == address,
             places=partial(places, ros, settings),

@@ -82,7 +82,7 @@ def knowing(found: Object, **changes: Any) -> Object:
     ("found", "wanted"),
     [
         (pod(), PROVE),
-        (pod(started=False), ""),  # its own startup probe has not passed
+        (pod(says="c1", started=False), PROVE),  # its own startup probe has not passed: it is looked at once more then
         (pod(runs=""), ""),
         (pod(says="c1"), ""),
         (pod(says="c0"), PROVE),  # that was another container
@@ -277,6 +277,68 @@ def test_the_reason_changes_once_a_second_at_most(scene: Scene, monkeypatch: pyt
     scene.when = [(4.05, lambda: scene.gates.pods.clear())]
     scene.gates.take(pod())
     assert len(scene.api.conditions) in (4, 5)
+
+
+def test_what_a_contract_says_is_proven_before_the_apps_own_command_has_passed(scene: Scene) -> None:
+    """The kubelet, which waits for both, takes up to a second to count a gate."""
+    scene.owe()
+    scene.when = [(3.0, lambda: scene.gates.take(pod(says="c1", started=True)))]
+    scene.gates.take(pod(started=False))
+    assert scene.api.conditions == [("new", "True", PROVEN + "c1")]
+    assert (scene.at >= 3.0, scene.log) == (True, ["robot-r1: talker-new is ready"])
+
+
+def test_without_a_contract_the_command_says_that_all_is_registered(scene: Scene) -> None:
+    scene.when = [(3.0, lambda: scene.gates.take(pod(says="c1", started=True)))]
+    scene.gates.take(pod(started=False))
+    assert scene.api.conditions[-2:] == [
+        ("new", "False", "not ready: command readiness: it has not passed yet"),
+        ("new", "True", PROVEN + "c1"),
+    ]
+    assert scene.at >= 3.0
+
+
+@pytest.mark.parametrize("lost", [2.0, 3.0])
+def test_what_is_lost_until_the_command_has_passed_takes_the_proof_back(scene: Scene, lost: float) -> None:
+    """Also by the last look, which begins when that has."""
+    scene.owe()
+    scene.when = [
+        (lost, lambda: scene.world.replies(OWN, bus=bus())),
+        (3.0, lambda: scene.gates.take(pod(says="c1", started=True))),
+        (3.6, lambda: scene.world.replies(OWN, bus=bus(("/out", "/listener")))),
+    ]
+    scene.gates.take(pod(started=False))
+    assert [status for _uid, status, _text in scene.api.conditions] == ["True", "False", "True"]
+    assert "/listener is not connected" in scene.api.conditions[1][2]
+    assert scene.at >= 3.6
+
+
+def test_the_last_look_begins_after_the_command_has_passed(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene.owe()
+    state = scene.world.state
+
+    def passes_meanwhile(types: bool = False) -> MasterState:
+        if scene.when and scene.at >= 1.2:
+            scene.gates.take(pod(says="c1", started=True))
+        return state(types)
+
+    monkeypatch.setattr(scene.world, "state", passes_meanwhile)
+    scene.when = [(1.6, lambda: scene.world.replies(OWN, bus=bus()))]
+    scene.when += [(2.6, lambda: scene.world.replies(OWN, bus=bus(("/out", "/listener"))))]
+    scene.gates.take(pod(started=False))
+    assert [status for _uid, status, _text in scene.api.conditions] == ["True", "False", "True"]
+
+
+@pytest.mark.parametrize(("passes", "times"), [(0.5, 1), (3.0, 2)])
+def test_what_the_old_pod_latches_while_the_command_is_awaited_is_kept_too(
+    scene: Scene, passes: float, times: int
+) -> None:
+    scene.owe()
+    scene.places = {OWN: URI, "/talker_00000000": "http://127.0.0.9:1/"}
+    scene.gates.take(pod("old", says="c1", address="127.0.0.9"))
+    scene.when = [(passes, lambda: scene.gates.take(pod(says="c1", started=True)))]
+    scene.gates.take(pod(started=False))
+    assert scene.done == [("keep_latched", "/talker_00000000")] * times
 
 
 def test_another_container_is_another_proof(scene: Scene) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 from ansible.executor.task_executor import TaskExecutor
 from ansible.executor.task_result import _RawTaskResult
@@ -30,6 +31,12 @@ from kubernetes import config as kube_config
 class Plugin(ActionBase):  # type: ignore[misc] # ansible-core carries no types
     def run(self, tmp: Any = None, task_vars: Any = None) -> dict[str, Any]:
         return dict(super().run(tmp, task_vars))
+
+
+@pytest.fixture(autouse=True)
+def nothing_in_the_home_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modules run on this host, and their directory is in the user's home."""
+    monkeypatch.setenv("ANSIBLE_REMOTE_TMP", str(tmp_path))
 
 
 @functools.cache
