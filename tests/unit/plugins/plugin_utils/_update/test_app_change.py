@@ -121,6 +121,29 @@ def test_where_a_step_stands_is_told(
     assert told[-len(phases) :] == phases
 
 
+def test_a_rollout_ends_as_soon_as_its_pods_are_ready_and_none_of_them_has_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whether the version stays is seen on the graph meanwhile."""
+    stays, wait = list[Any](), SimulatedCluster.wait
+
+    def waited(cluster: SimulatedCluster, *words: Any, stay: float | None = None, **more: Any) -> None:
+        stays.append(stay)
+        wait(cluster, *words, stay=stay, **more)
+
+    monkeypatch.setattr(SimulatedCluster, "wait", waited)
+    assert outcome_of(*begin("overlap", "good")).outcome == "updated"
+    assert stays[0] == 0.0
+
+
+@pytest.mark.parametrize("check", [True, False])
+def test_check_mode_says_what_a_version_may_leave_out(check: bool) -> None:
+    sim, _wanted = begin("overlap", "good")
+    wanted = robot(app("sensor", image("good"), update={"ignore": ["/temperature"]}))
+    assert outcome_of(sim, wanted, check=check).outcome == "updated"
+    assert ("sensor: /temperature may be missing or of another type" in sim.said) == check
+
+
 def test_a_step_says_what_it_leads_from_and_to_and_how() -> None:
     step = outcome_of(*begin("drain", "good")).steps[0]
     assert (step.name, step.handoff, [*step.before], [*step.after]) == ("planner", "drain", ["planner"], ["planner"])
