@@ -366,10 +366,22 @@ def test_a_subscriber_that_comes_during_a_step_is_owed_its_messages_by_the_next(
 
 
 @pytest.mark.parametrize(
-    ("more", "measured"), [([], 1), ([app("planner", OLD, pattern="action", readiness={"actions": ["plan"]})], 2)]
+    ("more", "measured"),
+    [
+        ([], [["sensor", "stats"]]),
+        (
+            [
+                app("planner", OLD, pattern="action", readiness={"actions": ["plan"]}, depends_on=["stats"]),
+                app("chart", OLD, depends_on=["planner"]),
+            ],
+            [["chart", "sensor", "stats"], ["planner"]],
+        ),
+    ],
 )
-def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(more: list[dict[str, Any]], measured: int) -> None:
-    """An action's server is measured in the rest that its own step waits for."""
+def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(
+    more: list[dict[str, Any]], measured: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An action's server is measured in the rest that its own step waits for; nobody is measured twice."""
 
     def of(image: str) -> Robot:
         apps = [
@@ -379,11 +391,14 @@ def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(more: list[dic
         ]
         return robot(*apps)
 
+    asked = list[Any]()
+    monkeypatch.setattr(SimulatedHost, "graph", logged(SimulatedHost.graph, asked))
     sim = Simulation()
     sim.install(of(OLD))
     found = outcome_of(sim, of(image("good")))
-    assert (found.outcome, len(found.steps)) == ("updated", 2 + len(more))
-    assert sim.calls.count("rates") == measured
+    assert (found.outcome, len(found.steps)) == ("updated", 2 + len(more)), found.reason
+    heard = [nodes for _master, _seconds, nodes in (words for words in asked if len(words) == 3) if nodes]
+    assert [[node.strip("/").partition("_")[0] for node in nodes] for nodes in heard] == measured
 
 
 # --- rates that nobody can tell --------------------------------------------------------------------------------------
