@@ -1,5 +1,5 @@
 # `make` lists what there is. Everything is written into the checkout, the cache (~/.cache/rosops-fleet, or under
-# XDG_CACHE_HOME) and what package managers and podman own.
+# XDG_CACHE_HOME) and what package managers, podman and Ansible (~/.ansible/tmp) own.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c

@@ -28,7 +28,8 @@ from lablib.names import checkout_id, network_name  # noqa: E402 - found through
 MARK = "ROSOPS_TEST_STAGES"
 PATIENCE = 75.0  # s: SSH keeps a connection for a minute after the last command
 # Where tools put files when nothing tells them another place. What is temporary goes into the run's TMPDIR.
-PLACES = ("~/.ansible", "~/.kube", "~/.ros")
+# ~/.ansible/tmp is where Ansible has modules run on the control node: every run of a user makes it.
+PLACES = ("~/.ansible/[!t]*", "~/.kube", "~/.ros")
 PODMAN = {
     "container": ("ps", "--all", "Names"),
     "network": ("network", "ls", "Name"),

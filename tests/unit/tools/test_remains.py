@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from remains import files, mounts, podmans
+import pytest
+from remains import PLACES, files, mounts, podmans
 
 # As podman 4.3 prints them.
 ANSWERS: dict[str, list[Mapping[str, object]]] = {
@@ -49,3 +50,11 @@ def test_files_where_tools_put_them(tmp_path: Path) -> None:
     (tmp_path / "other").touch()
     patterns = [f"{tmp_path}/ansible*", f"{tmp_path}/pytest-of-*"]
     assert files(patterns) == [f"file {tmp_path / 'ansible_abc'}"]
+
+
+def test_where_ansible_runs_modules_is_its_own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / ".ansible" / "tmp").mkdir(parents=True)
+    assert files(PLACES) == []
+    (tmp_path / ".ansible" / "collections").mkdir()
+    assert files(PLACES) == [f"file {tmp_path}/.ansible/collections"]
