@@ -235,7 +235,7 @@ class Readiness:
                 if has_agreed:
                     self.log(f"{self.namespace}: {name_of(pod)} is ready")
                     return
-            elif look.unregistered and began < self.keeper.restarted_at <= now - UNHEARD:
+            elif has_agreed and look.unregistered and began < self.keeper.restarted_at <= now - UNHEARD:
                 words = "it registered with a master that has gone, and nodes of ROS register once; it is begun anew"
                 self.cluster.evict(self.namespace, pod, None)
                 self.cluster.tell(self.namespace, pod, "NodeUnheard", words)

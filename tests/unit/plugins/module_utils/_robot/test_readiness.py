@@ -448,6 +448,13 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
     assert len(scene.api.evicted) == evicted
 
 
+def test_a_node_that_is_still_starting_may_register_with_the_new_master(scene: Scene) -> None:
+    scene.world.publishers, scene.world.subscribers, scene.world.services = {"/in": ["/source"]}, {}, {}
+    scene.when = [(3.0, lambda: setattr(scene, "restarted_at", 3.0)), (20.0, lambda: scene.gates.pods.clear())]
+    scene.gates.take(pod(started=False))
+    assert not scene.api.evicted
+
+
 def test_nothing_is_proven_by_a_master_that_has_not_been_given_all_back(scene: Scene) -> None:
     """A subscriber that it does not know may be there: whoever took it for one that left would lose its messages."""
     scene.whole_since = 30.0
