@@ -119,6 +119,10 @@ class Scene:
         """
         until(f"{names} to be registered", lambda: all(self.log(name) for name in names))
 
+    def until_published(self, topic: str, *names: str) -> None:
+        """These are its publishers, by the master: as for `until_registered`."""
+        until(f"{names} to publish {topic}", lambda: set(names) <= set(self.ros.state().publishers.get(topic, ())))
+
     def kill(self, name: str, number: int = signal.SIGKILL) -> None:
         self.processes[name].send_signal(number)
         if number == signal.SIGKILL:

@@ -64,9 +64,11 @@ def edge(publisher: str, topic: str, subscriber: str) -> dict[str, str]:
 def test_rates_by_counters_of_both_libraries(scene: GraphScene) -> None:
     scene.start("chatter", "/talker", "100")
     scene.start("chatter", "/other", "40")
-    scene.start("hearer", "/listener", "/chatter")
     scene.start("server", "/worker")
+    scene.until_published("/chatter", "/talker", "/other")
+    scene.start("hearer", "/listener", "/chatter")
     scene.relay("relay", "/chatter", "/relayed")
+    scene.until_published("/relayed", "/relay")
     scene.relay("second", "/relayed", "/twice_relayed")
     heard = [edge(name, "/chatter", to) for name in ("/talker", "/other") for to in ("/listener", "/relay")]
     heard.append(edge("/relay", "/relayed", "/second"))
@@ -81,6 +83,7 @@ def test_rates_by_counters_of_both_libraries(scene: GraphScene) -> None:
 
 def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphScene) -> None:
     scene.start("camera", "/camera")
+    scene.until_published("/chatter", "/camera")
     scene.start("hearer", "/listener", "/chatter")
     assert scene.wait({"edges": [edge("/camera", "/chatter", "/listener")]}, 60).unmet == []
 
@@ -103,6 +106,7 @@ def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: GraphSce
 
 def test_what_messages_say_by_nodes_that_are_not_told_of_us(scene: GraphScene) -> None:
     scene.start("robot", "/robot", "0.5")
+    scene.until_published("/speed", "/robot")
     scene.relay("relay", "/speed", "/relayed")  # a roscpp publisher
     values = [
         {"topic": "/battery", "field": "data", "above": 0.4},

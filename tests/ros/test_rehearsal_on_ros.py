@@ -41,9 +41,11 @@ class Stage(Scene):
 
     def nodes(self) -> None:
         self.start("chatter", "/talker", str(HZ))
-        self.start("hearer", "/listener", "/chatter")
         self.start("server", "/worker")
         self.start("robot", "/robot", "0.5")
+        self.until_published("/chatter", "/talker")
+        self.until_published("/work/status", "/worker")
+        self.start("hearer", "/listener", "/chatter")
         self._start("/hearer", str(RELAY), "/work/status", "/heard", "__name:=hearer")
 
     def play(self, recorded: Nodes, *names: str) -> None:
@@ -124,6 +126,7 @@ def test_what_is_played_is_what_was_recorded(real: Nodes, scene: Stage) -> None:
 def test_stand_ins_among_real_nodes(real: Nodes, scene: Stage) -> None:
     """A real subscriber reads what they send, and who listens from the outside counts what a real publisher sends."""
     scene.play(real, "/talker", "/hearer")
+    scene.until_published("/config", "/talker")
     scene.start("docked", "/reader", "/config")
     said = until("a latched message", lambda: [line for line in scene.log("/reader") if "heard" in line])
     assert [(line["heard"], line["by"]) for line in said] == [("", "/talker")]

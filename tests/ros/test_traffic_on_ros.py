@@ -43,6 +43,7 @@ def scene(tmp_path: Path) -> Iterator[TrafficScene]:
     made = TrafficScene(tmp_path)
     made.start_master()
     made.start("hearer", "/sink_0000000a", "/points", "actionlib_msgs/GoalStatusArray")
+    made.until_registered("/sink_0000000a")
     made.start("points", OLD)
     made.look_until("messages of the old source", lambda: made.heard(1) > 20)
     yield made
