@@ -18,15 +18,6 @@ STATS, PUBLISHED, REQUESTS, GOALS = (
 )
 SERVER = "prime-factors-server-"
 SUCCEEDED, ABANDONED = "succeeded", "abandoned"
-# What an update may take of time: so many times what the robot took in its own quiet time, or on a busy machine so many
-# ms. The worst of the benchmark's updates on a quiet one took a third of these; what comes seconds late takes more.
-BOUNDS = {
-    "gap_ms": ("the longest gap between messages", 5, 2500),
-    "oldest_ms": ("the age of the oldest message", 5, 2500),
-    "answer_ms": ("the longest answer", 5, 2500),
-    "p95_ms": ("the answer that 95 of 100 beat", 5, 500),
-    "goal_ms": ("the longest goal", 5, 15_000),
-}
 
 Records = Sequence[dict[str, Any]]
 Logs = Mapping[str, Records]  # by the file's name; of several files of one name all lines
@@ -56,15 +47,6 @@ class Losses:
     def nothing(self) -> bool:
         """No message lost, no request failed, no goal lost, aborted or executed twice."""
         return not (self.lost or self.failed or self.unsuccessful or self.twice)
-
-    def late(self, quiet: Losses) -> list[str]:
-        """What took longer than it may, by what the same robot took in a time in which nothing of it was changed."""
-        found = []
-        for name, (what, times, least) in BOUNDS.items():
-            took, was = getattr(self, name), getattr(quiet, name)
-            if took > max(times * was, least):
-                found.append(f"{what}: {took:.0f} ms, in quiet {was:.0f} ms")
-        return found
 
     def __repr__(self) -> str:
         said = (

@@ -185,12 +185,6 @@ def scenario_apps() -> list[Variables]:
     return list(yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"])
 
 
-def assert_in_time(during: Mapping[str, Losses], quiet: Mapping[str, Losses]) -> None:
-    """What came, came in time, by what each robot took in a time in which nothing of it was changed."""
-    late = {robot: found for robot, losses in during.items() if (found := losses.late(quiet[robot]))}
-    assert not late, f"{late}; during: {during}; in quiet: {quiet}"
-
-
 def with_changes(variables: Mapping[str, Any], changes: Mapping[str, Any]) -> Variables:
     """The variables with more of `scenario_changes`, merged as the inventory merges them."""
     found = copy.deepcopy(dict(variables))

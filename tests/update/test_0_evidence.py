@@ -73,38 +73,6 @@ def test_a_goal_that_was_started_before_and_again_now_is_executed_twice() -> Non
     assert losses(logs, 6, 9).twice == []
 
 
-def account(
-    gap: float = 20, oldest: float = 40, answer: float = 10, goal_ms: float = 1500, slow: int = 1
-) -> evidence.Losses:
-    """Of a hundred requests so many are slow."""
-    message = {**stats(1, [1, 10]), "longest_gap_ms": gap, "oldest_age_ms": oldest}
-    asked = [request(1, answer if number < slow else 10.0) for number in range(100)]
-    ended = {**goal(1, "succeeded"), "completion_ms": goal_ms}
-    return losses({evidence.STATS: [message], evidence.REQUESTS: asked, evidence.GOALS: [ended]}, 0, 9)
-
-
-@pytest.mark.parametrize(
-    ("update", "word"),
-    [
-        (account(gap=3000), "gap between messages: 3000 ms, in quiet 20 ms"),
-        (account(oldest=3000), "oldest message: 3000 ms, in quiet 40 ms"),
-        (account(answer=3000), "longest answer: 3000 ms, in quiet 10 ms"),
-        (account(answer=600, slow=6), "95 of 100 beat: 600 ms, in quiet 10 ms"),
-        (account(goal_ms=16_000), "longest goal: 16000 ms, in quiet 1500 ms"),
-    ],
-)
-def test_what_comes_seconds_late_is_told_though_nothing_is_lost(update: evidence.Losses, word: str) -> None:
-    (found,) = update.late(account())
-    assert (word in found, update.nothing) == (True, True), found
-
-
-def test_what_a_busy_machine_takes_is_not_late() -> None:
-    worst = account(gap=1800, oldest=2400, answer=1900, slow=4, goal_ms=12_000)
-    assert worst.late(account()) == []
-    slower = account(gap=4000, oldest=4000, answer=4000, goal_ms=16_000)
-    assert slower.late(account(gap=900, oldest=900, answer=900, goal_ms=4000)) == []
-
-
 def test_torn_lines_are_passed_over() -> None:
     assert evidence.parse('me":1}\n{"time": 2}\n\n{"ti') == [{"time": 2}]
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet, assert_in_time
+from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
 
 NEXT: dict[str, Any] = {"scenario_image": "lab/apps:1.1", "lab_apps_version": "1.1"}
 APPS = {
@@ -55,15 +55,13 @@ def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
         assert all(step["from"] != step["to"] for step in run.steps(robot)), run
         images = {app: [(pod.image, pod.ended) for pod in pods[app]] for app in APPS}
         assert images == {app: [("lab/apps:1.1", "")] for app in APPS}
-    during = watch.assert_nothing_lost()
+    watch.assert_nothing_lost()
 
-    before, watch = fleet.running(), fleet.watch()
+    before = fleet.running()
     again = fleet.update(fleet.variables)
     assert (again.status, again.changed) == (0, 0), again
     assert again.outcomes == dict.fromkeys(ROBOTS, "unchanged"), again
     fleet.assert_still_running(before)
-    # the control node's own work, which is on the same machine here, is in both
-    assert_in_time(during, watch.assert_nothing_lost())
 
 
 def test_group_is_one_step(fleet: Fleet) -> None:

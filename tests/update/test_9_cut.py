@@ -75,7 +75,6 @@ def test_a_robot_works_through_a_cut(on_its_own: Fleet) -> None:
     assert during.messages > 0, during
     assert during.requests > 9 * CUT, during  # of ten a second
     assert during.goals > 0, during
-    assert not during.late(evidence.Losses()), during
     assert_alone(fleet, [PUBLISHER])
     others = {app: pods for app, pods in fleet.running()[ROBOT].items() if app != PUBLISHER}
     assert others == {app: pods for app, pods in before[ROBOT].items() if app != PUBLISHER}
