@@ -61,7 +61,7 @@ status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes,
 	@ansible-playbook $(if $(TABLES),-v) -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
-HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-go test-browser test-ros
+HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-browser test-ros
 
 .PHONY: test
 test: ## What needs no host, and on hosts one case for most promises; FRESH=1: also what passed before with the same files
@@ -73,7 +73,7 @@ test: ## What needs no host, and on hosts one case for most promises; FRESH=1: a
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
 	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
 	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
-	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) units-all
+	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) test-go units-all
 
 .PHONY: check
 check: ruff mypy ## In seconds, without a host: lint, and the unit tests near what changed since main
