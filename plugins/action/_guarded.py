@@ -76,12 +76,7 @@ class ActionModule(HostAction):
         return {"changed": False, "outcome": outcome, "msg": f"{word}: {reason}"}
 
     def _guarded(
-        self,
-        turns: Turns,
-        params: Arguments,
-        variables: Variables,
-        known: Variables,
-        before: Result,
+        self, turns: Turns, params: Arguments, variables: Variables, known: Variables, before: Result
     ) -> Result:
         node = Fleet.from_vars(known).hosts[known["inventory_hostname"]].node
         work = UsersTasks(Path(variables["guarded_tasks"]).stem, node, turns, bool(variables["guarded_undo"]))

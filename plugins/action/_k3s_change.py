@@ -7,7 +7,7 @@ What is to come lies beside its place already. The result's `outcome` is a word 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -19,7 +19,7 @@ from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import HostAction
 from ..plugin_utils._action.host import RobotHost
 from ..plugin_utils._action.servers import rotate_token
-from ..plugin_utils._action.variables import OF_EVERY_CHANGE, plain
+from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._k3s.plan import refusal, restarts_pods
 from ..plugin_utils._k3s.rotation import lives, renewed, told
 from ..plugin_utils._k3s.wanted import CERTIFICATES, FOR_AGENTS, TOKEN
@@ -45,7 +45,7 @@ class K3sExchange(Work):
     note, stays = "", ""  # what of a rotation is told: where all went well, and where it did not
 
     def __init__(
-        self, host: RobotHost, plan: Mapping[str, Any], variables: Variables, rotate_token: Callable[[], None]
+        self, host: RobotHost, plan: Arguments, variables: Variables, rotate_token: Callable[[], None]
     ) -> None:
         self._rotate_token, self._exchanged = rotate_token, False
         self._host, self._plan, self._role = host, plan, variables["k3s_role"]
@@ -139,7 +139,7 @@ class ActionModule(HostAction):
         return {"changed": True, "outcome": replace(outcome, reason=told).as_dict(), "msg": told}
 
     def _change(self, params: Arguments, variables: Variables, known: Variables, before: Result) -> RobotOutcome:
-        plan = plain(params["plan"])
+        plan = params["plan"]
         rotate = functools.partial(rotate_token, self, known, variables["k3s_server_hosts"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables, rotate)
         settings = self.settings(variables, variables["k3s_start_timeout"], exchange.name, before)

@@ -41,7 +41,7 @@ class ActionModule(FleetAction):
     }
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        check, plan, variables = bool(self._task.check_mode), plain(params["plan"]), self.variables(known, "k3s")
+        check, plan, variables = bool(self._task.check_mode), params["plan"], self.variables(known, "k3s")
         host = ActionHost(self, known, check_mode=check)
         if params["do"] == "files":
             read = plain(self._templar.template(known.get(params["registered"], {}))).get("results", [])

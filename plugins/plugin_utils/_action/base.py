@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from ansible.plugins.action import ActionBase
 
+from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError
 from . import voice
 from .variables import plain, role_variables
@@ -28,18 +29,18 @@ class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no t
         except FleetError as error:
             return {**result, "failed": True, "msg": str(error), **error.details}
 
-    def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def perform(self, params: Arguments, known: Variables) -> Result:
         """`work`, with what a kind of action has around it."""
         return self.work(params, known)
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         """The task's result. `params` are its options, `known` the host's variables."""
         raise NotImplementedError
 
-    def variables(self, known: Mapping[str, Any], role: str, *names: str) -> dict[str, Any]:
+    def variables(self, known: Variables, role: str, *names: str) -> Result:
         """The host's variables of a role, all of them or these, of the types that its argument spec says."""
         return role_variables(role, names, self._templar, known)
 
-    def say(self, known: Mapping[str, Any]) -> Callable[[str], None]:
+    def say(self, known: Variables) -> Callable[[str], None]:
         """What prints a line while the task goes on."""
         return functools.partial(voice.say, known.get("inventory_hostname", ""))

@@ -5,15 +5,17 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
 
+from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import KubeError
 from ...module_utils._host.k3s import KUBECONFIG
+from ...module_utils._step.objects import Object
 from .._kube.access import (
     ACCESS_ARGS,
     IDENTITY,
@@ -54,7 +56,7 @@ class ClusterAction(FleetAction):
     of_users: ClassVar[bool] = False
     adoption: Identity | None = None  # what the cluster is and does not say yet
 
-    def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def perform(self, params: Arguments, known: Variables) -> Result:
         self._apis: dict[str, dict[str, str]] = {}
         # The task's `environment`, which a module would find in its own. This process, too, is of one task alone.
         environment: dict[str, Any] = {}
@@ -68,14 +70,12 @@ class ClusterAction(FleetAction):
             return self.foresee(params, known)
         return {**result, **({"apis": self._apis} if self._apis else {})}  # which API it was, for the report
 
-    def foresee(self, _params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+    def foresee(self, _params: Arguments, _known: Variables) -> Result:
         """The task's result in check mode, where there is no cluster yet."""
         return {"changed": False, "skipped": True, "msg": "there is no cluster yet"}
 
     @contextlib.contextmanager
-    def cluster(
-        self, params: Mapping[str, Any], known: Mapping[str, Any], patience: float = PATIENCE
-    ) -> Iterator[Kube]:
+    def cluster(self, params: Arguments, known: Variables, patience: float = PATIENCE) -> Iterator[Kube]:
         """The host's cluster, once it is known to be the inventory's; WrongClusterError where it is another one.
 
         SpecError without a validated fleet: there is nothing to compare with then.
@@ -85,9 +85,7 @@ class ClusterAction(FleetAction):
         with self.opened(home, path, known, params) if home else Kube(params, say=self.say(known)) as kube:
             yield kube.within(patience)
 
-    def opened(
-        self, home: Home, path: str, known: Mapping[str, Any], params: Mapping[str, Any], patience: float = PATIENCE
-    ) -> Kube:
+    def opened(self, home: Home, path: str, known: Variables, params: Arguments, patience: float = PATIENCE) -> Kube:
         """An open connection to a cluster of the fleet; `path` is the k3s_kubeconfig_path of its hosts."""
         way = self.way(home, path, known, params)
         try:
@@ -99,16 +97,16 @@ class ClusterAction(FleetAction):
         self._fetch(known).forget(home.part.cluster)
         return self._compared(self.way(home, path, known, params), home, known, patience)
 
-    def way(self, home: Home, path: str, known: Mapping[str, Any], params: Mapping[str, Any]) -> Way:
+    def way(self, home: Home, path: str, known: Variables, params: Arguments) -> Way:
         """The way to the cluster, given or fetched; nothing is asked of the cluster itself."""
         given = given_way(params, path, os.environ, home.part.cluster)
         hostvars = HostVariables(known.get("hostvars") or {})
         return given or self._fetch(known).way(home, hostvars, given_options(params))
 
-    def _fetch(self, known: Mapping[str, Any]) -> Fetch:
+    def _fetch(self, known: Variables) -> Fetch:
         return Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server), say=self.say(known))
 
-    def _compared(self, way: Way, home: Home, known: Mapping[str, Any], patience: float) -> Kube:
+    def _compared(self, way: Way, home: Home, known: Variables, patience: float) -> Kube:
         """An open connection to a cluster that says to be the host's."""
         kube = Kube(access_from(way.options, way.environment, way.source), patience, self.say(known))
         try:
@@ -129,7 +127,7 @@ class ClusterAction(FleetAction):
         display.vv(f"cluster {home.part.cluster}: {where}")
         return kube
 
-    def _read(self, known: Mapping[str, Any], server: str) -> str:
+    def _read(self, known: Variables, server: str) -> str:
         """A server's own kubeconfig, read as root; its host may be outside of --limit.
 
         Ansible's own executor does it: whatever an inventory says about connections, keys and privileges holds. Neither
@@ -151,12 +149,12 @@ class ClusterAction(FleetAction):
         return text
 
 
-def written(done: Sequence[Applied]) -> dict[str, Any]:
+def written(done: Sequence[Applied]) -> Result:
     """The result of a task that wrote objects."""
     return {"changed": any(one.changed for one in done), "diff": diff_of(done)}
 
 
-def foreseen(objects: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def foreseen(objects: Sequence[Object]) -> Result:
     """The same where there is no cluster yet: all of it would be new. The diff names it."""
     names = [str(ref_of(obj)) for obj in objects]
     return {

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from ansible.errors import AnsibleConnectionFailure, AnsibleError
 
+from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import FleetError
 from .._update.world import AwayError, ticking
 from .._upstream import ansible_core
@@ -23,6 +25,7 @@ SUDO_ASKS = (
 )
 
 
+@dataclass
 class ActionHost:
     """The host of an action plugin's task.
 
@@ -31,23 +34,22 @@ class ActionHost:
     reached raises AnsibleConnectionFailure.
     """
 
-    def __init__(self, plugin: Any, task_vars: Mapping[str, Any] | None, check_mode: bool = False) -> None:
-        self.plugin = plugin
-        self.task_vars = task_vars or {}
-        self.check_mode = check_mode
+    plugin: Any
+    task_vars: Variables
+    check_mode: bool = False
 
-    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
+    def module(self, name: str, args: Arguments, secret: bool = False) -> Result:
         """Run a module by its full name. The host's log does not get the arguments of a `secret` one."""
         task = self._task(name, args)
         task.no_log = secret or ansible_core.task_of(self.plugin).no_log
         return ansible_core.run_module(self.plugin, task, self.task_vars)
 
-    def job(self, name: str, arguments: Mapping[str, Any], secrets: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def job(self, name: str, arguments: Arguments, secrets: Arguments | None = None) -> Result:
         """Have a job done by the module that is private. No log gets the `secrets` among its arguments."""
         given = {"job": name, "arguments": dict(arguments), "secrets": dict(secrets or {})}
         return self.module("rosops.fleet._host", given)
 
-    def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
+    def copy(self, src: str, dest: str, rate_limit: str = "") -> Result:
         """Copy a file of the control node, mode 0600; with rsync and its --bwlimit where there is a `rate_limit`."""
         if rate_limit:
             if ansible_core.asks_for_a_password(self.plugin):
@@ -64,16 +66,16 @@ class ActionHost:
             return self.action("ansible.posix.synchronize", {"src": src, "dest": dest, **options})
         return self.action("ansible.builtin.copy", {"src": src, "dest": dest, "mode": "0600"})
 
-    def write(self, path: str, content: str, mode: str, diff: bool) -> dict[str, Any]:
+    def write(self, path: str, content: str, mode: str, diff: bool) -> Result:
         """Write a file."""
         return self.action("ansible.builtin.copy", {"dest": path, "content": content, "mode": mode}, diff)
 
-    def action(self, name: str, args: Mapping[str, Any], diff: bool = False) -> dict[str, Any]:
+    def action(self, name: str, args: Arguments, diff: bool = False) -> Result:
         """Run another action plugin; it gets copies of what it may change for itself, as synchronize does."""
         found = ansible_core.run_action(self.plugin, self._task(name, args, diff), self.task_vars)
         return found or {"failed": True, "msg": f"{name} is not installed on the control node"}
 
-    def _task(self, name: str, args: Mapping[str, Any], diff: bool = False) -> Any:
+    def _task(self, name: str, args: Arguments, diff: bool = False) -> Any:
         task = ansible_core.task_of(self.plugin).copy()
         task.action, task.args, task.check_mode, task.diff = name, dict(args), self.check_mode, diff
         return task
@@ -90,11 +92,11 @@ class RobotHost(ActionHost):
         with self._told("reaching it"):
             ansible_core.run_command(self.plugin, "true")
 
-    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
+    def module(self, name: str, args: Arguments, secret: bool = False) -> Result:
         with self._told(args.get("job", name)):
             return super().module(name, args, secret)
 
-    def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
+    def copy(self, src: str, dest: str, rate_limit: str = "") -> Result:
         with self._told(f"copying {src}"):
             return super().copy(src, dest, rate_limit)
 

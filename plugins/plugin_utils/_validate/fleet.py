@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -64,36 +64,28 @@ def _fleet(there: Inventory, drafts: Iterable[Draft]) -> Fleet:
     return Fleet({item.robot.name: item.robot for item in drafts}, topology, edge, name)
 
 
-class Folded(NamedTuple):
-    """A problem as people read it, once for all of its hosts: as it is of the first. `app` is its app's name; both may
-    be none's."""
+def lines(problems: Iterable[Problem], hosts: Hosts) -> list[str]:
+    """Problems as people read them, each once for all of its hosts, as it is of the first; in order of appearance.
 
-    problem: Problem
-    hosts: tuple[str, ...]
-    app: str
-
-    def line(self) -> str:
-        """`hosts.robot1.ros_apps[2].placement: is 'cloud'; allowed: local or remote (app lidar; so on robot2, too)`."""
-        others = self.hosts[1:]
-        more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
-        so = f"so on {', '.join(others[:SHOWN])}{more}, too" if others else ""
-        beside = "; ".join(filter(None, (f"app {self.app}" if self.app else "", so)))
-        return self.problem.line() + (f" ({beside})" if beside else "")
-
-
-def folded(problems: Iterable[Problem], hosts: Hosts) -> list[Folded]:
-    """In order of appearance; `hosts` are the variables as they were written."""
+    `hosts` are the variables as they were written. A line is
+    `hosts.robot1.ros_apps[2].placement: is 'cloud'; allowed: local or remote (app lidar; so on robot2, too)`.
+    """
     found: dict[tuple[str, ...], list[tuple[str, Problem]]] = {}
     for problem in problems:
         # a host's name may have dots
         host = max((name for name in hosts if problem.path.startswith(f"hosts.{name}.")), key=len, default="")
         # whatever it says of another place of the same host it says of each
         same = [text.replace(f"hosts.{host}.", "") if host else text for text in problem]
-        found.setdefault((*same, _app(host, same[0], hosts)), []).append((host, problem))
-    return [
-        Folded(group[0][1], tuple(dict.fromkeys(host for host, _problem in group if host)), same[-1])
-        for same, group in found.items()
-    ]
+        found.setdefault((_app(host, same[0], hosts), *same), []).append((host, problem))
+    return [_line(app, group) for (app, *_same), group in found.items()]
+
+
+def _line(app: str, group: Sequence[tuple[str, Problem]]) -> str:
+    _first, *others = dict.fromkeys(host for host, _problem in group)
+    more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
+    so = f"so on {', '.join(others[:SHOWN])}{more}, too" if others else ""
+    beside = "; ".join(filter(None, (f"app {app}" if app else "", so)))
+    return group[0][1].line() + (f" ({beside})" if beside else "")
 
 
 def _app(host: str, inner: str, hosts: Hosts) -> str:
