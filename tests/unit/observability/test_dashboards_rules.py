@@ -25,6 +25,8 @@ WANTED = {
     "TelemetryBacklog", "LogsDropped", "CertExpiring",
 }  # fmt: skip
 TEXTS = ("summary", "description")
+# in the cases a robot's name stands for the labels of all that is in its namespace
+ROBOT, LABELS = re.compile(r"\{(robot\d)(?=[,}])"), r'{robot="\1",namespace="robot-\1"'
 HEADINGS = ["## What it means", "## What to look at", "## What to do"]
 REPOSITORY = yaml.safe_load((CHECKOUT / "galaxy.yml").read_text("utf-8"))["repository"]
 
@@ -61,7 +63,9 @@ def unit_test(case: dict[str, Any]) -> dict[str, Any]:
     return {
         "name": case["name"],
         "interval": case.get("interval", "10s"),
-        "input_series": [{"series": series, "values": values} for series, values in case["series"].items()],
+        "input_series": [
+            {"series": ROBOT.sub(LABELS, series), "values": values} for series, values in case["series"].items()
+        ],
         "promql_expr_test": case.get("promql_expr_test", []),
         "alert_rule_test": [
             {"eval_time": at, "alertname": name, "exp_alerts": alerts} for name, at, alerts in (*silent, *fires)
