@@ -86,14 +86,15 @@ class Job:
     def __init__(self, folder: Path, template: Template) -> None:
         self.folder, self.template, self.mark = folder, template, uuid.uuid4().hex
         self.ended: Ended | None = None
-        for name in ("project", "inventory", "env", "cp", "home"):
+        for name in ("cp", "home"):
             (folder / name).mkdir(parents=True)
-        self._project(template)
-        self._inventory(template)
-        self._env(template)
+        for name, text in self._files().items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(text)
+        (folder / "inventory" / "hosts").chmod(0o700)
         command = [sys.executable, "-m", "ansible_runner", "run", str(folder), "-p", "play.yml", "-i", "job", "-q"]
         self._process = subprocess.Popen(  # noqa: S603 - our own
-            [*command, "--cmdline", self._command_line(template)],
+            [*command, "--cmdline", self._command_line()],
             cwd=folder,
             env={**self._environment(), MARK: self.mark},
             stdin=subprocess.DEVNULL,
@@ -102,18 +103,10 @@ class Job:
             start_new_session=True,
         )
 
-    def _project(self, template: Template) -> None:
-        (self.folder / "project" / "ansible.cfg").write_text(CONFIG)
-        (self.folder / "project" / "play.yml").write_text(f"- import_playbook: rosops.fleet.{template.playbook}\n")
-
-    def _inventory(self, template: Template) -> None:
-        script = self.folder / "inventory" / "hosts"
-        script.write_text(SCRIPT.format(python=sys.executable, inventory=shuffled(template.inventory)))
-        script.chmod(0o700)
-
-    def _env(self, template: Template) -> None:
-        ours = f"{CHECKOUT / '.ansible' / 'collections'}"
-        self._write("env/envvars", {
+    def _files(self) -> dict[str, str]:
+        """What AWX lays into the folder, each with its text."""
+        template = self.template
+        environment = {
             "ANSIBLE_HOST_KEY_CHECKING": "False",
             "ANSIBLE_FORCE_COLOR": "True",
             "ANSIBLE_INVENTORY_UNPARSED_FAILED": "True",
@@ -121,25 +114,29 @@ class Job:
             "ANSIBLE_UNSAFE_WRITES": "1",
             "ANSIBLE_SSH_CONTROL_PATH_DIR": str(self.folder / "cp"),
             "ANSIBLE_ROLES_PATH": str(self.folder / "requirements_roles"),
-            "ANSIBLE_COLLECTIONS_PATH": ours,
+            "ANSIBLE_COLLECTIONS_PATH": f"{CHECKOUT / '.ansible' / 'collections'}",
             "PROJECT_REVISION": "0" * 40,
             "JOB_ID": "1",
             "INVENTORY_ID": "1",
             "AWX_HOST": "https://awx.example.org",
             **template.credential,
-        })  # fmt: skip
+        }
         told = {"job_id": 1, "job_launch_type": "scheduled", "job_template_name": template.name, "user_name": "admin"}
         meta = {f"{product}_{name}": value for product in ("awx", "tower") for name, value in told.items()}
         # beside Ansible's own YAML, so that texts are texts; and nothing in a survey's answer is a template
         answers = "".join(f"{name}: {_unsafe(value)}\n" for name, value in template.variables.items())
-        (self.folder / "env" / "extravars").write_text(yaml.safe_dump({**meta, **template.own}) + answers)
-        (self.folder / "env" / "credential").write_text("---\n{}\n")
-        self._write("env/settings", {"idle_timeout": IDLE, "pexpect_timeout": 1})
+        return {
+            "project/ansible.cfg": CONFIG,
+            "project/play.yml": f"- import_playbook: rosops.fleet.{template.playbook}\n",
+            "inventory/hosts": SCRIPT.format(python=sys.executable, inventory=shuffled(template.inventory)),
+            "env/envvars": json.dumps(environment),
+            "env/extravars": yaml.safe_dump({**meta, **template.own}) + answers,
+            "env/credential": "---\n{}\n",
+            "env/settings": json.dumps({"idle_timeout": IDLE, "pexpect_timeout": 1}),
+        }
 
-    def _write(self, name: str, data: Mapping[str, Any]) -> None:
-        (self.folder / name).write_text(json.dumps(data))
-
-    def _command_line(self, template: Template) -> str:
+    def _command_line(self) -> str:
+        template = self.template
         # `--become` is the template's privilege escalation: for each task, those on localhost, too
         words = ["-u robot", "--become", "--become-method sudo", f"-e @{self.folder / 'env' / 'credential'}"]
         words += [f"--limit {template.limit}"] if template.limit else []

@@ -150,6 +150,7 @@ def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
         ("v1.35.0+lab1", [], {"plan": {"cgroup_refused": True}}, "which has cgroup v1"),
         (NEW, [node("edge1")], {"k3s_role": "agent"}, "newer than its cluster's servers (v1.34.2+lab1)"),
         (NEW, [node("robot1"), node("edge2", ready="Unknown")], {}, "edge2 of its cluster is not Ready"),
+        ("v1.30.0+lab1", [], {"plan": {"works": False}}, "is older than v1.34.2+lab1"),
     ],
 )
 def test_steps_that_are_not_taken(host: Host, staged: str, nodes: list[Any], more: dict[str, Any], words: str) -> None:
@@ -205,13 +206,6 @@ def test_after_a_server_of_the_shared_cluster_that_failed_none_is_changed(host: 
         "outcome": "unchanged", "reason": "not begun: another server of its cluster failed", "steps": [],
     }  # fmt: skip
     assert host.asked == []
-
-
-def test_a_version_that_is_no_step_is_refused_where_k3s_does_not_serve_too(host: Host) -> None:
-    host.staged = "v1.30.0+lab1"
-    found = host.change(plan={"works": False})
-    assert "is older than v1.34.2+lab1" in found["msg"]
-    assert host.asked == ["staged"]
 
 
 # --- certificates and the servers' token are made anew ----------------------------------------------------------------
