@@ -151,7 +151,7 @@ def near_misses(hostvars: Hosts, names: Iterable[str]) -> Iterator[Problem]:
 def _near(name: str) -> str:
     if is_ours(name) or name in THEIRS or name.startswith("ansible_"):
         return ""
-    return nearest_name(name, known_variables(), NEAR) or ""
+    return nearest_name(name, known_variables(), NEAR)
 
 
 def _read(own: Said, name: str) -> str:

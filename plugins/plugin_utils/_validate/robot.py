@@ -37,7 +37,9 @@ def robot_problems(draft: Draft, there: Inventory) -> Iterator[Problem]:
         asks = app.overrides or app.host_network or app.host_paths or app.devices
         if not found and (asks or draft.robot.pod_security):
             yield from _refused(draft, path, app_deployment(app, draft.robot))
-    yield from _namespace(draft)
+    # two of one name are one Secret, and only the last login would be in it
+    secrets = each(f"{draft.path}.robot_namespace_pull_secrets", draft.robot.pull_secrets, ".name")
+    yield from twice(secrets, "a name of its own")
     yield from _same_names(draft)
     yield from _volume_names(draft)
     yield from _volume_users(draft, len(members(there.groups, "edge")))
@@ -57,12 +59,6 @@ def _refused(draft: Draft, path: str, deployment: Object) -> Iterator[Problem]:
     if not robot.edge_host_access and (more := ", ".join(of_other_host(pod, namespace))):
         found = f"is false, but {path} has {more}, and is not placed on the robot's own node"
         yield Problem(f"{base}edge_host_access", found, "true, or placement: local")
-
-
-def _namespace(draft: Draft) -> Iterator[Problem]:
-    # two of one name are one Secret, and only the last login would be in it
-    secrets = each(f"{draft.path}.robot_namespace_pull_secrets", draft.robot.pull_secrets, ".name")
-    yield from twice(secrets, "a name of its own")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
@@ -164,7 +160,12 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
     image = draft.robot.master.image
     if moving_tag(image):
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
-    yield from _not_held(draft)
+    # what no NetworkPolicy bounds
+    for path in [path for path, app, _raw in draft.apps if app.host_network]:
+        yield Problem(f"{path}.host_network", "no NetworkPolicy holds there: who reaches the host reaches the app")
+    if draft.robot.master.mode == "external":
+        told = "no NetworkPolicy holds for a master outside, and nodes outside reach the robot's pods from"
+        yield Problem(f"{draft.path}.ros_master_uri", f"{told} networks in robot_namespace_admits alone")
     # what the robot is asked before a change, and its own app has to answer
     publishers = {topic: app.name for topic, app, _said in promised(draft.robot)} if sound else {}
     for where, item in each(f"{draft.path}.update_when", draft.robot.when, ".topic"):
@@ -174,15 +175,6 @@ def robot_warnings(draft: Draft, sound: bool) -> Iterator[Problem]:
                 f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
                 "-e update_on_busy=force, for the run that mends it",
             )
-
-
-def _not_held(draft: Draft) -> Iterator[Problem]:
-    """What no NetworkPolicy bounds."""
-    for path in [path for path, app, _raw in draft.apps if app.host_network]:
-        yield Problem(f"{path}.host_network", "no NetworkPolicy holds there: who reaches the host reaches the app")
-    if draft.robot.master.mode == "external":
-        told = "no NetworkPolicy holds for a master outside, and nodes outside reach the robot's pods from"
-        yield Problem(f"{draft.path}.ros_master_uri", f"{told} networks in robot_namespace_admits alone")
 
 
 def _master(draft: Draft, uri: bool) -> Iterator[Problem]:

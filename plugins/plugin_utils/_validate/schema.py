@@ -246,10 +246,9 @@ def allowed(kind: Kind) -> str:
     return ", ".join([TYPES.get(kind.type, MAPPING)[1], *(form.allowed for form in forms)])
 
 
-def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The known name that a misspelt one most likely means."""
-    found = difflib.get_close_matches(name, sorted(known), 1, cutoff)
-    return found[0] if found else None
+def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """The known name that a misspelt one most likely means; empty where it is like none."""
+    return next(iter(difflib.get_close_matches(name, sorted(known), 1, cutoff)), "")
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -165,25 +165,6 @@ def test_another_server_may_be_the_first(tmp_path: Path, first: str) -> None:
     assert "hosts.edge3.k3s_first_server" in one_alone["msg"]
 
 
-@pytest.mark.parametrize("apps", ["camera", "camera, lidar", ["camera"], "", None, []])
-def test_names_may_come_as_text(tmp_path: Path, apps: Any) -> None:
-    robot = {**GOOD["hosts"]["robot1"], "update_apps": apps, "update_remove_apps": apps}
-    assert run(tmp_path, {**GOOD, "hosts": {**GOOD["hosts"], "robot1": robot}})["robots"]
-
-
-@pytest.mark.parametrize(("name", "meant"), [
-    ("persistant_storage", "persistent_storage"), ("rosapps", "ros_apps"), ("observabilty", "observability"),
-    ("node_label", "node_labels"), ("robot_modes", "robot_mode"), ("robot_model", ""), ("ros_distro", ""),
-    ("ansible_host", ""),
-])  # fmt: skip
-def test_near_misses_are_warned_of(name: str, meant: str, tmp_path: Path) -> None:
-    result = run(tmp_path, {**GOOD, "hosts": {"robot1": {name: "x"}}})
-    told = f"hosts.robot1.{name}: is no variable of this collection; did you mean {meant}?"
-    assert result["robots"]
-    assert (told in result["warnings"]) == bool(meant)
-    assert len(result["warnings"]) == bool(meant)
-
-
 def archived(tmp_path: Path, place: str, **more: Any) -> dict[str, Any]:
     """The good fleet, whose app's host has an archive with the app's image in another version."""
     path = docker(tmp_path / "apps.tar", ["example.org/talker:1.0"])

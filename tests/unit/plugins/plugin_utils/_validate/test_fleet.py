@@ -113,6 +113,10 @@ NEEDS = [{"depends_on": ["b", "c"]}, {"name": "b", "depends_on": ["c"]}, {"name"
         {"edge": OLD, "robot": {**NEW, "robot_mode": "standalone"}},
         {"edge": {**OLD, "k3s_install_source": "airgap"}, "robot": NEW},
         {"robot": NEW},
+        # names may come as text
+        *({"robot": {"update_apps": apps, "update_remove_apps": apps}} for apps in (
+            "camera", "camera, lidar", ["camera"], "", None, [],
+        )),
     ],
 )  # fmt: skip
 def test_what_must_pass(case: dict[str, Any]) -> None:
@@ -121,39 +125,15 @@ def test_what_must_pass(case: dict[str, Any]) -> None:
     assert report.fleet is not None
 
 
-HUB = {"observability_profile": "hub", "observability_allowed_networks": ["192.0.2.0/24"]}
-REPORTS = {"robot_mode": "standalone", "observability_profile": "robot", "observability_hub_url": "https://192.0.2.10"}
+OBSERVED = {"observability": {"enabled": True}}
+HUB = {**OBSERVED, "observability_profile": "hub", "observability_allowed_networks": ["192.0.2.0/24"]}
+REPORTS = {**OBSERVED, "robot_mode": "standalone", "observability_profile": "robot"}
+HTTP, HTTPS = ({"observability_hub_url": f"{scheme}://192.0.2.10"} for scheme in ("http", "https"))
 CERTIFIED = {"observability_tls_secret_name": "telemetry-tls"}
-OPEN = (
-    "hosts.edge1.observability_tls_secret_name: is empty: whoever is in observability_allowed_networks reads and "
-    "writes at the hub, and nothing is encrypted; docs/observability.md, Certificates, has how to close it"
-)
-PUBLIC = (
-    "hosts.robot1.observability_tls_secret_name: is empty: the hub is shown no certificate, and has to have one of a "
-    "public authority"
-)
-
-
-@pytest.mark.parametrize(
-    ("edge", "robot", "told"),
-    [
-        (HUB, {}, [OPEN]),
-        ({}, REPORTS, [PUBLIC]),
-        ({}, {**REPORTS, "observability_hub_url": "http://192.0.2.10"}, []),
-        ({**HUB, **CERTIFIED}, {**REPORTS, **CERTIFIED}, []),
-    ],
-)
-def test_a_hub_that_asks_nobody_who_he_is_is_warned_of(
-    edge: dict[str, Any], robot: dict[str, Any], told: list[str]
-) -> None:
-    hosts = {
-        "edge1": {"observability": {"enabled": True}, **edge},
-        "robot1": {"observability": {"enabled": True}, **robot},
-    }
-    report = check_fleet({"edge": ["edge1"], "robots": ["robot1"]}, hosts)
-    assert ([one.line() for one in report.problems], [one.line() for one in report.warnings]) == ([], told)
-
-
+MISSPELT = {
+    "persistant_storage": "persistent_storage", "rosapps": "ros_apps", "observabilty": "observability",
+    "node_label": "node_labels", "robot_modes": "robot_mode",
+}  # fmt: skip
 BATTERY = {"update_when": [{"topic": "/battery", "field": "percentage", "above": 0.4}]}
 
 
@@ -183,6 +163,17 @@ BATTERY = {"update_when": [{"topic": "/battery", "field": "percentage", "above":
          ["robot.update_when[0].topic: is published by app talker: while that app is down, the robot gives no answer "
           "and is waited for; allowed: -e update_on_busy=force"]),
         ({"app": {"readiness": {"topics": [{"name": "battery", "connected": True}]}}, "robot": BATTERY}, []),
+        ({"robot": {**dict.fromkeys(MISSPELT, "x"), "robot_model": "x", "ros_distro": "x", "ansible_host": "x"}},
+         [f"robot.{one}: is no variable of this collection; did you mean {meant}?" for one, meant in MISSPELT.items()]),
+        # a hub that asks nobody who he is
+        ({"edge": HUB, "robot": OBSERVED},
+         ["edge.observability_tls_secret_name: is empty: whoever is in observability_allowed_networks reads and writes "
+          "at the hub, and nothing is encrypted; docs/observability.md, Certificates, has how to close it"]),
+        ({"edge": OBSERVED, "robot": {**REPORTS, **HTTPS}},
+         ["robot.observability_tls_secret_name: is empty: the hub is shown no certificate, and has to have one of a "
+          "public authority"]),
+        ({"edge": OBSERVED, "robot": {**REPORTS, **HTTP}}, []),
+        ({"edge": {**HUB, **CERTIFIED}, "robot": {**REPORTS, **HTTPS, **CERTIFIED}}, []),
     ],
 )  # fmt: skip
 def test_warnings(case: dict[str, Any], told: list[str]) -> None:
