@@ -13,11 +13,7 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.action import _controller_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import OF_CLUSTER, PLACES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
-    PARTS,
-    ground_objects,
-    workload_objects,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, ground_objects, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import (
     CONTROLLER,
     cluster_objects,

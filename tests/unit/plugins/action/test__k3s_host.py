@@ -151,10 +151,8 @@ def test_tokens_come_in_place_and_what_they_are_not_shown(written: list[tuple[st
     written.clear()
     files("", check_mode=True, tokens=["agent-token"])
     assert written[0] == ("/etc/rancher/k3s/agent-token", True)
-
-
-def test_a_token_for_agents_comes_with_the_change(written: list[tuple[str, bool]]) -> None:
-    """A robot that goes on working keeps the one that it has, and nothing is to be started again."""
+    # a robot that goes on working keeps the token for agents that it has, and nothing is to be started again
+    written.clear()
     files(".next", tokens=["agent-token"], write=[], remove=[])
     assert written == [("/etc/rancher/k3s/agent-token.next", False)]
 
@@ -164,6 +162,9 @@ def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list
     assert written == [
         (CONFIG, True), (f"{CONFIG}.next", False), (UNIT, True), (f"{UNIT}.next", False), (REGISTRIES, True),
     ]  # fmt: skip
+    written.clear()
+    assert files(".next", check_mode=True)["changed"]
+    assert written == [(CONFIG, True), (UNIT, True), (REGISTRIES, True)]
 
 
 def test_what_k3s_does_not_read_comes_in_place_and_at_once(written: list[tuple[str, bool]]) -> None:
@@ -176,11 +177,6 @@ def test_what_k3s_does_not_read_comes_in_place_and_at_once(written: list[tuple[s
     written.clear()
     assert files("", check_mode=True, write=[], remove=[], beside=[file])["changed"]
     assert written == [(file, True)]
-
-
-def test_check_mode_writes_nowhere(written: list[tuple[str, bool]]) -> None:
-    assert files(".next", check_mode=True)["changed"]
-    assert written == [(CONFIG, True), (UNIT, True), (REGISTRIES, True)]
 
 
 def test_a_server_to_join_comes_with_ansibles_tags(written: list[tuple[str, bool]]) -> None:
@@ -254,18 +250,14 @@ CREATED = {"create": {"stdout": f"{MADE}\n"}}
 def test_an_agent_gets_a_token_that_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first server is away; what it says of that is no secret's place."""
     asked_of = Servers(monkeypatch, edge1={"unreachable": True, "msg": "no route"}, **CREATED)
+    assert asked_of.join(check_mode=True)["changed"]
+    assert not asked_of.asked
     assert asked_of.join()["changed"]
     assert asked_of.wrote == {"/etc/rancher/k3s/agent-token": f"{MADE}\n"}
     assert asked_of.asked[1:] == [
         f"edge2: kubectl get {POLICIES} -o name",
         "edge2: token create --ttl 1h --description rosops.fleet: robot-one",
     ]
-
-
-def test_check_mode_makes_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked_of = Servers(monkeypatch)
-    assert asked_of.join(check_mode=True)["changed"]
-    assert not asked_of.asked
 
 
 def test_where_no_server_makes_one_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

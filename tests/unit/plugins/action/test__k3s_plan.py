@@ -28,35 +28,42 @@ BARE: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The plan for a host of which the module says `now`; what the module was asked is in `asked`."""
+class Planned:
+    """The plan for a host of which the module says `now`, and what was asked for it."""
 
-    def plan(host: str, now: dict[str, Any], rotate: str = "", **variables: Any) -> dict[str, Any]:
-        def job(_self: Any, name: str, args: dict[str, Any], secrets: Any = None) -> dict[str, Any]:
-            if name == "k3s_ready":
-                plan.waited.append(args["timeout"])  # type: ignore[attr-defined]
-                seen = {"observed": "/readyz: etcd failed", "elapsed": 300.2, "verdict": plan.ends}  # type: ignore[attr-defined]
-                return {**seen, "failed": plan.ends != "pass"}  # type: ignore[attr-defined]
-            assert name == "k3s_facts"
-            assert secrets in ({"token": "", "agent_token": ""}, {"token": "of mine", "agent_token": ""})
-            plan.asked = args  # type: ignore[attr-defined]
-            return {"files": dict.fromkeys([*args["files"], *args["beside"], BINARY], GONE), **BARE, **now}
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.check_mode, self.ends = False, "pass"
+        self.servers: dict[str, dict[str, Any]] = {"edge1": {"stdout": "yes"}}
+        self.asked: dict[str, Any] = {}  # of the module
+        self.waited, self.servers_asked = list[float](), list[str]()
+        monkeypatch.setattr(_k3s_plan.ActionHost, "job", lambda _host, *asked: self.job(*asked))
+        monkeypatch.setattr(_k3s_plan.ansible_core, "run_task", self.on_a_server)
 
-        def on_a_server(_self: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
-            assert (task["become"], task["check_mode"]) == (True, False)
-            assert task["ansible.builtin.command"]["argv"][:2] == ["sh", "-c"]
-            plan.servers_asked.append(task["delegate_to"])  # type: ignore[attr-defined]
-            return plan.servers[task["delegate_to"]]  # type: ignore[attr-defined, no-any-return]
-
-        monkeypatch.setattr(_k3s_plan.ActionHost, "job", job)
-        monkeypatch.setattr(_k3s_plan.ansible_core, "run_task", on_a_server)
+    def __call__(self, host: str, now: dict[str, Any], rotate: str = "", **variables: Any) -> dict[str, Any]:
+        self.now = now
         given = {**k3s_of(host, "edge1", "edge2", "edge3", hostvars=HOSTVARS), **variables}
-        return run(_k3s_plan, {"rotate": rotate}, given, plan.check_mode)  # type: ignore[attr-defined]
+        return run(_k3s_plan, {"rotate": rotate}, given, self.check_mode)
 
-    plan.waited, plan.ends, plan.check_mode = [], "pass", False  # type: ignore[attr-defined]
-    plan.servers_asked, plan.servers = [], {"edge1": {"stdout": "yes"}}  # type: ignore[attr-defined]
-    return plan
+    def job(self, name: str, args: dict[str, Any], secrets: Any = None) -> dict[str, Any]:
+        if name == "k3s_ready":
+            self.waited.append(args["timeout"])
+            seen = {"observed": "/readyz: etcd failed", "elapsed": 300.2, "verdict": self.ends}
+            return {**seen, "failed": self.ends != "pass"}
+        assert name == "k3s_facts"
+        assert secrets in ({"token": "", "agent_token": ""}, {"token": "of mine", "agent_token": ""})
+        self.asked = args
+        return {"files": dict.fromkeys([*args["files"], *args["beside"], BINARY], GONE), **BARE, **self.now}
+
+    def on_a_server(self, _action: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
+        assert (task["become"], task["check_mode"]) == (True, False)
+        assert task["ansible.builtin.command"]["argv"][:2] == ["sh", "-c"]
+        self.servers_asked.append(task["delegate_to"])
+        return self.servers[task["delegate_to"]]
+
+
+@pytest.fixture
+def planned(monkeypatch: pytest.MonkeyPatch) -> Planned:
+    return Planned(monkeypatch)
 
 
 UP: dict[str, Any] = {
@@ -67,29 +74,31 @@ UP: dict[str, Any] = {
 }
 
 
-def test_a_bare_host_is_installed_in_place(planned: Any) -> None:
+def test_a_bare_host_is_installed_in_place(planned: Planned) -> None:
     found = planned("edge1", {})
     assert (found["any"], found["guarded"], found["staged"], found["binary"]) == (True, False, "", True)
     assert (found["state"], found["rivals"], found["join"]) == ("started", ["edge2", "edge3"], [])
     assert planned.asked["servers"] == []
 
 
-def test_one_that_works_is_staged(planned: Any) -> None:
+def test_one_that_works_is_staged(planned: Planned) -> None:
     found = planned("edge1", {**UP, "ready": True})
     assert (found["guarded"], found["staged"], found["restart"], found["version"]) == (
         True, ".next", True, "v1.34.1+k3s1",
     )  # fmt: skip
 
 
-def test_a_new_member_asks_the_servers_that_live(planned: Any) -> None:
+def test_a_new_member_asks_the_servers_that_live(planned: Planned) -> None:
     """The first server is away: whoever has the cluster takes the member in."""
     found = planned("robot1", {"answering": ["edge2:6443", "edge3:6443"]})
     assert planned.asked["servers"] == ["10.0.0.1:6443", "edge2:6443", "edge3:6443"]
     assert (found["givers"], found["joins"]) == (["edge2", "edge3"], "https://edge2:6443")
     assert (found["tokens"], found["join"]) == (["agent-token"], [])  # its own is made for it
+    # where none answers the first is named
+    assert [planned(host, {})["givers"] for host in ("robot1", "edge2")] == [["edge1"], ["edge1"]]
 
 
-def test_an_agent_joins_anew_by_its_name(planned: Any) -> None:
+def test_an_agent_joins_anew_by_its_name(planned: Planned) -> None:
     """The token that the inventory has for agents is none of its own."""
     sound = {**UP, "ready": True, "version": "v1.34.2+k3s1"}
     for named, tokens in (("", []), ("robot1,robot2", ["agent-token"]), ("robot2", [])):
@@ -97,14 +106,9 @@ def test_an_agent_joins_anew_by_its_name(planned: Any) -> None:
         assert found["tokens"] == tokens
 
 
-def test_where_no_server_answers_the_first_is_named(planned: Any) -> None:
-    assert planned("robot1", {})["givers"] == ["edge1"]
-    assert planned("edge2", {})["givers"] == ["edge1"]
-
-
 @pytest.mark.parametrize(("etcd", "init"), [(False, False), (True, True)])
 def test_the_configuration_goes_by_the_datastore_that_the_host_has(
-    planned: Any, monkeypatch: pytest.MonkeyPatch, etcd: bool, init: bool
+    planned: Planned, monkeypatch: pytest.MonkeyPatch, etcd: bool, init: bool
 ) -> None:
     seen = []
     monkeypatch.setattr(_k3s_plan, "plan", lambda _now, part, *_more: seen.append(part) or {
@@ -115,7 +119,7 @@ def test_the_configuration_goes_by_the_datastore_that_the_host_has(
     assert found["etcd"] is etcd
 
 
-def test_a_new_cluster_encrypts_and_one_that_is_there_does_as_it_did(planned: Any) -> None:
+def test_a_new_cluster_encrypts_and_one_that_is_there_does_as_it_did(planned: Planned) -> None:
     assert planned("edge1", {})["encrypts"] is True
     assert planned("edge1", {**UP, "ready": True})["encrypts"] is False
     assert planned("edge1", {**UP, "ready": True, "encrypts": True})["encrypts"] is True
@@ -131,7 +135,7 @@ SYSCTLS, AUDIT_POLICY = "/etc/sysctl.d/90-rosops-fleet.conf", "/etc/rancher/k3s/
 
 @pytest.mark.parametrize("encrypts", [False, True])
 def test_hardening_comes_and_goes_as_a_change_of_a_cluster_that_works(
-    planned: Any, monkeypatch: pytest.MonkeyPatch, encrypts: bool
+    planned: Planned, monkeypatch: pytest.MonkeyPatch, encrypts: bool
 ) -> None:
     """What began without encryption stays so, and is not started again for what new clusters have."""
     parts: list[Wanted] = []
@@ -165,7 +169,7 @@ def test_hardening_comes_and_goes_as_a_change_of_a_cluster_that_works(
     assert sorted(goes["remove"]) == sorted([SYSCTLS, AUDIT_POLICY])
 
 
-def test_a_server_that_joins_asks_one_of_its_cluster(planned: Any) -> None:
+def test_a_server_that_joins_asks_one_of_its_cluster(planned: Planned) -> None:
     for said in ("yes", "no"):
         planned.servers = {"edge1": {"unreachable": True, "msg": "no route"}, "edge3": {"stdout": said}}
         found = planned("edge2", {"answering": ["10.0.0.1:6443", "edge3:6443"]})
@@ -187,20 +191,20 @@ def test_what_a_server_answers(tmp_path: Path, there: tuple[str, ...], said: str
     assert subprocess.run(["sh", "-c", script], check=True, capture_output=True, text=True).stdout.strip() == said  # noqa: S603, S607
 
 
-def test_an_older_version_is_refused(planned: Any) -> None:
+def test_an_older_version_is_refused(planned: Planned) -> None:
     found = planned("edge1", {"version": "v1.99.0+k3s1"})
     assert found["failed"]
     assert "edge1 was left as it is." in found["msg"]
     assert "is older than v1.99.0+k3s1" in found["msg"]
 
 
-def test_one_slow_answer_makes_no_k3s_that_does_not_work(planned: Any) -> None:
+def test_one_slow_answer_makes_no_k3s_that_does_not_work(planned: Planned) -> None:
     found = planned("edge1", UP, k3s_start_timeout=300)
     assert (found["guarded"], found["staged"], found["works"]) == (True, ".next", True)
     assert planned.waited == [300]
 
 
-def test_one_that_is_up_and_never_serves_is_left_alone(planned: Any) -> None:
+def test_one_that_is_up_and_never_serves_is_left_alone(planned: Planned) -> None:
     """What it has started may be at work."""
     planned.ends = "wait"
     found = planned("edge1", UP)
@@ -210,25 +214,22 @@ def test_one_that_is_up_and_never_serves_is_left_alone(planned: Any) -> None:
     assert (forced["any"], forced["guarded"]) == (True, False)
 
 
-def test_one_that_keeps_ending_is_mended_and_that_is_said(planned: Any, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("active", "waited"), [("active", [300]), ("failed", [])])
+def test_one_that_keeps_ending_or_is_down_is_mended_and_that_is_said(
+    planned: Planned, capsys: pytest.CaptureFixture[str], active: str, waited: list[float]
+) -> None:
     planned.ends = "fail"
-    found = planned("edge1", UP)
-    assert (found["any"], found["guarded"]) == (True, False)
+    found = planned("edge1", {**UP, "service": {**UP["service"], "active": active}})
+    assert (found["any"], found["guarded"], planned.waited) == (True, False, waited)
     assert "whatever works here cannot be asked" in capsys.readouterr().out
 
 
-def test_what_nobody_has_proven_is_waited_for_and_never_refused(planned: Any) -> None:
+def test_what_nobody_has_proven_is_waited_for_and_never_refused(planned: Planned) -> None:
     unproven = {**UP, "change": {"unproven": True, "version": "v1.34.1+k3s1", "renewed": False}}
     assert planned("edge1", unproven)["works"]
     planned.ends = "wait"
     found = planned("edge1", unproven)
     assert (found["guarded"], found["works"]) == (True, False)
-
-
-def test_one_that_is_down_is_not_waited_for_and_that_is_said(planned: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    found = planned("edge1", {**UP, "service": {**UP["service"], "active": "failed"}})
-    assert (found["any"], found["guarded"], planned.waited) == (True, False, [])
-    assert "whatever works here cannot be asked" in capsys.readouterr().out
 
 
 # --- certificates and the servers' token are made anew ----------------------------------------------------------------
@@ -241,7 +242,7 @@ def cut_off(**change: bool) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("host", "tokens"), [("edge1", []), ("edge2", []), ("robot1", ["agent-token"])])
-def test_certificates_are_made_anew_each_time(planned: Any, host: str, tokens: list[str]) -> None:
+def test_certificates_are_made_anew_each_time(planned: Planned, host: str, tokens: list[str]) -> None:
     """An agent's token has ended long ago, and without its certificate it would not be let in."""
     found = planned(host, SERVES, rotate="certificates")
     assert (found["rotate"], found["guarded"], found["restart"]) == ("certificates", True, True)
@@ -250,7 +251,7 @@ def test_certificates_are_made_anew_each_time(planned: Any, host: str, tokens: l
 
 
 @pytest.mark.parametrize("host", ["edge1", "robot1"])
-def test_certificates_that_were_made_and_not_proven_are_not_made_again(planned: Any, host: str) -> None:
+def test_certificates_that_were_made_and_not_proven_are_not_made_again(planned: Planned, host: str) -> None:
     found = planned(host, cut_off(renewed=True), rotate="certificates", k3s_version="v1.34.2+k3s1")
     assert (found["rotate"], found["guarded"], found["tokens"]) == ("", True, [])
     stopped = {**cut_off(renewed=True), "ready": False, "service": {**UP["service"], "active": "inactive"}}
@@ -260,13 +261,13 @@ def test_certificates_that_were_made_and_not_proven_are_not_made_again(planned: 
 
 
 @pytest.mark.parametrize("now", [{}, {**SERVES, "ready": False, "service": {**UP["service"], "active": "failed"}}])
-def test_where_no_k3s_serves_nothing_is_rotated(planned: Any, now: dict[str, Any]) -> None:
+def test_where_no_k3s_serves_nothing_is_rotated(planned: Planned, now: dict[str, Any]) -> None:
     found = planned("edge1", now, rotate="certificates")
     assert found["failed"]
     assert "edge1 was left as it is. No k3s serves here whose certificates could be rotated" in found["msg"]
 
 
-def test_another_word_is_refused(planned: Any) -> None:
+def test_another_word_is_refused(planned: Planned) -> None:
     with pytest.raises(AnsibleActionFail, match="value of rotate must be one of: , certificates, token, got: all"):
         planned("edge1", SERVES, rotate="all")
 
@@ -284,7 +285,7 @@ DIFFERS = {**SERVES, "tokens": {"server": "differs", "agent": "same"}}
 
 
 @pytest.mark.usefixtures("shared")
-def test_the_first_server_has_a_new_token_made(planned: Any) -> None:
+def test_the_first_server_has_a_new_token_made(planned: Planned) -> None:
     found = planned("edge1", SERVES, **ROTATE)
     assert (found["rotate"], found["guarded"], found["tokens"]) == ("token", True, [])
     assert (planned("edge2", SERVES, **ROTATE)["rotate"], planned("robot1", SERVES, **ROTATE)["rotate"]) == ("", "")
@@ -297,13 +298,13 @@ def test_the_first_server_has_a_new_token_made(planned: Any) -> None:
     ({"k3s_token": "of mine"}, "k3s itself makes the new token. Take k3s_token out of the inventory"),
     ({"ansible_play_hosts_all": ["edge1", "edge3"]}, "in one run. edge2 is not in it"),
 ])  # fmt: skip
-def test_a_token_is_not_begun_where_it_cannot_be_ended(planned: Any, more: dict[str, Any], words: str) -> None:
+def test_a_token_is_not_begun_where_it_cannot_be_ended(planned: Planned, more: dict[str, Any], words: str) -> None:
     found = planned("edge1", SERVES, **ROTATE | more)
     assert found["failed"]
     assert words in found["msg"]
 
 
-def test_a_token_whose_rotation_was_cut_off_is_no_third_one(planned: Any, shared: dict[str, Any]) -> None:
+def test_a_token_whose_rotation_was_cut_off_is_no_third_one(planned: Planned, shared: dict[str, Any]) -> None:
     """Server 1 is done; 2 has it and has not started with it; 3 was away."""
     shared.update(newest="b", agreed=False, kept={"edge1": "b", "edge2": "b", "edge3": "a"})
     done = planned("edge1", SERVES, **ROTATE)
@@ -314,7 +315,7 @@ def test_a_token_whose_rotation_was_cut_off_is_no_third_one(planned: Any, shared
     assert (away["tokens"], away["join"], away["givers"], away["undone"]) == (["token"], ["token"], ["edge1"], True)
 
 
-def test_the_first_server_takes_what_its_k3s_has_made(planned: Any, shared: dict[str, Any]) -> None:
+def test_the_first_server_takes_what_its_k3s_has_made(planned: Planned, shared: dict[str, Any]) -> None:
     shared.update(newest="b", agreed=False)
     found = planned("edge1", DIFFERS, **ROTATE)
     assert (found["rotate"], found["tokens"], found["givers"]) == ("", ["token"], ["edge1"])
@@ -323,5 +324,5 @@ def test_the_first_server_takes_what_its_k3s_has_made(planned: Any, shared: dict
 
 
 @pytest.mark.usefixtures("shared")
-def test_a_start_with_a_new_token_that_nobody_has_proven_is_proven(planned: Any) -> None:
+def test_a_start_with_a_new_token_that_nobody_has_proven_is_proven(planned: Planned) -> None:
     assert planned("edge1", cut_off(), **ROTATE)["rotate"] == ""

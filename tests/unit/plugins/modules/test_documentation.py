@@ -12,11 +12,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready as rollout_ready_action
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import ROS_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
-from ansible_collections.rosops.fleet.plugins.modules import (
-    rollout_ready,
-    ros_graph_info,
-    ros_ready,
-)
+from ansible_collections.rosops.fleet.plugins.modules import rollout_ready, ros_graph_info, ros_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ACCESS_ARGS
 
 SPECS: dict[Any, Mapping[str, Any]] = {

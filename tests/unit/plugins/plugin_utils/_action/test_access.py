@@ -10,12 +10,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import (
-    AWAY_SECONDS,
-    Fetch,
-    Way,
-    given_way,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import AWAY_SECONDS, Fetch, Way, given_way
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import kubeconfig_head
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +35,10 @@ PLACE = {"name": "robot1", "placement": "local", "robot": "robot1"}
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    made = Server()
-    made.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
-    made.put("/api/v1/nodes/robot1", obj("Node", "robot1", status={"conditions": conditions(Ready="True")}))
-    yield made
-    made.stop()
+def server(server: Server) -> Server:
+    server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
+    server.put("/api/v1/nodes/robot1", obj("Node", "robot1", status={"conditions": conditions(Ready="True")}))
+    return server
 
 
 @pytest.fixture(autouse=True)
@@ -112,13 +110,10 @@ def admin(server: Server, key: str = "t") -> dict[str, Any]:
 
 # --- another fleet's cluster ----------------------------------------------------------------------------------------
 
-GONE = {"storage_remove_claims": ["old-logs"], "storage_remove_confirm": True}
 # With the task's options, and the variables.
 ACTIONS: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {
     "node": (_node_apply, PLACE, {}),
-    "namespace": (_robot_update, {}, part("namespace")),
-    "storage": (_robot_update, {}, {**part("storage"), **GONE}),
-    "ready": (_robot_update, {}, part("ready")),
+    "robot": (_robot_update, {}, {"update_strict": True}),
     "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}, {}),
     "observability": (_observability_stack, {}, {}),
 }
