@@ -146,7 +146,6 @@ def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
     ("staged", "nodes", "more", "words"),
     [
         ("v1.34.1+lab1", [], {}, "is older than v1.34.2+lab1"),
-        ("v1.36.0+lab1", [], {}, "a minor version is skipped"),
         ("v1.35.0+lab1", [], {"plan": {"cgroup_refused": True}}, "which has cgroup v1"),
         (NEW, [node("edge1")], {"k3s_role": "agent"}, "newer than its cluster's servers (v1.34.2+lab1)"),
         (NEW, [node("robot1"), node("edge2", ready="Unknown")], {}, "edge2 of its cluster is not Ready"),

@@ -29,7 +29,6 @@ def cluster(server: Server, api: dict[str, Any], monkeypatch: pytest.MonkeyPatch
     for name, value in api.items():
         monkeypatch.setenv(f"K8S_AUTH_{name.upper()}", value)
     server.put(SYSTEM, {"metadata": {"name": "kube-system"}})
-    server.put(f"{SYSTEM}/configmaps/rosops-fleet", Identity("production", "edge").as_object())
 
 
 def known(*here: str, **facts: Any) -> dict[str, Any]:
