@@ -117,10 +117,8 @@ class ActionModule(GatedAction):
         return RobotOutcome(UPDATED if result["changed"] else UNCHANGED, result["msg"])
 
     def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
-        check, edge, look = bool(self._task.check_mode), self._edge_images(), None
+        check, edge, since = bool(self._task.check_mode), self._edge_images(), self._before.get("since") or {}
         robot = robot_from_vars(self._vars)
-        if params["own"]:
-            look = look_seconds(params["busy_timeout"], bool(self._before.get("since")))
         settings = Settings(
             Request(
                 only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
@@ -130,8 +128,8 @@ class ActionModule(GatedAction):
             code=CODE,
             hosts=self._hosts(robot, kube),
             pull_secrets=self._pull_secrets(),
-            look_timeout=look,
-            since=self._before.get("since") or {},
+            look_timeout=look_seconds(params["busy_timeout"], bool(since)) if params["own"] else None,
+            since=since,
             earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
             edge_images=edge,
             known=self._known(params["archives"], edge),
