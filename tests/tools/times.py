@@ -15,6 +15,7 @@ import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 WRITTEN = CHECKOUT / "reports" / "stages" / "times.json"
@@ -24,14 +25,10 @@ TARGET = re.compile(r"^([a-z0-9-]+):.*?## (.*)$", re.MULTILINE)
 ROW = re.compile(r"^(\| `make ([a-z-]+)` \|.*\| )([^|]*)( \|)$", re.MULTILINE)
 
 
-def merged(kept: Mapping[str, int], run: Mapping[str, object], whole: str) -> dict[str, int]:
+def merged(kept: Mapping[str, int], run: Mapping[str, Any], whole: str) -> dict[str, int]:
     """The kept seconds with those of a run, of which `whole` was the target; what the run has not stays."""
-    stages = run["stages"]
-    assert isinstance(stages, dict)
-    found = {**kept, **stages}
-    if isinstance(run["whole"], int):
-        found[whole] = run["whole"]
-    return dict(sorted(found.items()))
+    of_all = {} if run["whole"] is None else {whole: run["whole"]}
+    return dict(sorted({**kept, **run["stages"], **of_all}.items()))
 
 
 def words(seconds: int) -> str:

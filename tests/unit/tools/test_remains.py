@@ -7,13 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from lablib.names import checkout_id
 from remains import PLACES, files, mounts, podmans
 
+MINE = checkout_id("/checkout")
 # As podman 4.3 prints them.
 ANSWERS: dict[str, list[Mapping[str, object]]] = {
-    "ps": [{"Names": ["rosops-ID-demo-edge1"]}, {"Names": ["rosops-0000ffff-demo-edge1"]}, {"Names": ["postgres"]}],
-    "network": [{"name": "podman"}, {"name": "rosops-ID-demo"}],
-    "volume": [{"Name": "rosops-ID-demo-edge1-rancher"}],
+    "ps": [{"Names": [name]} for name in (f"rosops-{MINE}-demo-edge1", "rosops-0000ffff-demo-edge1", "postgres")],
+    "network": [{"name": "podman"}, {"name": f"rosops-{MINE}-demo"}],
+    "volume": [{"Name": f"rosops-{MINE}-demo-edge1-rancher"}],
 }
 MOUNTS = """\
 proc /proc proc rw 0 0
@@ -23,22 +25,11 @@ tmpfs /checkout-of-another tmpfs rw 0 0
 
 
 def test_of_podman_s_objects_those_of_the_checkout_s_labs() -> None:
-    from lablib.names import checkout_id  # noqa: PLC0415 - remains makes the lab's package known
-
-    mine = checkout_id("/checkout")
-    answers = {
-        word: [{key: _with(value, mine) for key, value in one.items()} for one in found]
-        for word, found in ANSWERS.items()
-    }
-    assert podmans(lambda words: answers[words[0]], "/checkout") == [
-        f"container rosops-{mine}-demo-edge1",
-        f"network rosops-{mine}-demo",
-        f"volume rosops-{mine}-demo-edge1-rancher",
+    assert podmans(lambda words: ANSWERS[words[0]], "/checkout") == [
+        f"container rosops-{MINE}-demo-edge1",
+        f"network rosops-{MINE}-demo",
+        f"volume rosops-{MINE}-demo-edge1-rancher",
     ]
-
-
-def _with(value: object, checkout: str) -> object:
-    return [_with(one, checkout) for one in value] if isinstance(value, list) else str(value).replace("ID", checkout)
 
 
 def test_mounts_in_own_directories() -> None:
