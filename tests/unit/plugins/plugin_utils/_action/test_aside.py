@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Mapping
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -16,6 +15,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import started
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
 
 def work(turns: Turns) -> Mapping[str, Any]:
@@ -82,20 +82,13 @@ sys.stdin.read()  # the run goes on, until it is killed
 
 
 def test_it_outlives_its_task_and_ends_with_the_run(tmp_path: Path) -> None:
-    program = tmp_path / "run.py"
+    program, ended = tmp_path / "run.py", tmp_path / "ended"
     program.write_text(RUN.format(paths=sys.path))
     with subprocess.Popen([sys.executable, str(program)], cwd=tmp_path, stdin=subprocess.PIPE) as run:  # noqa: S603
-        until(tmp_path / "task")
+        until((tmp_path / "task").exists)
         assert started(int((tmp_path / "process").read_text()))
-        assert not (tmp_path / "ended").exists()
+        assert not ended.exists()
         run.kill()
         # nobody has waited for the run yet, as where a container's first process does not
-        assert until(tmp_path / "ended") == "the run was cancelled"
-
-
-def until(path: Path, seconds: float = 20.0) -> str:
-    end = time.monotonic() + seconds
-    while not (path.exists() and path.read_text()):
-        assert time.monotonic() < end, f"no {path.name}"
-        time.sleep(0.02)
-    return path.read_text()
+        until(lambda: ended.exists() and ended.read_text())
+    assert ended.read_text() == "the run was cancelled"
