@@ -363,7 +363,5 @@ def _readiness(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
         if resolve(name, namespace, own) == own:
             yield Problem(where, "is the app's own node", "nodes that must be gone")
     for kind, items in (("topics", ready.topics), ("services", ready.services), ("actions", ready.actions)):
-        allowed = "each name once, with all its conditions"
-        yield from twice(
-            each(f"readiness.{kind}", (item["name"] for item in items)), allowed, "names {} for the second time"
-        )
+        named = each(f"readiness.{kind}", (item["name"] for item in items))
+        yield from twice(named, "each name once, with all its conditions", "names {} for the second time")

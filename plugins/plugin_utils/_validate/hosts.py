@@ -166,9 +166,8 @@ def _observability(path: str, given: Said, alone: bool) -> Iterator[Problem]:
         yield Problem(f"{path}.observability_store_size", "is too small for a queue", f"{LEAST_STORE} or more")
     retention = (given["observability"].get("loki") or {}).get("retention", "24h")
     if seconds(retention) < DAY:
-        yield Problem(
-            f"{path}.observability.loki.retention", f"is '{retention}'", "24h or more: Loki keeps its index by the day"
-        )
+        where = f"{path}.observability.loki.retention"
+        yield Problem(where, f"is '{retention}'", "24h or more: Loki keeps its index by the day")
     defaults = role_options("observability")
     for name, port, other in taken((name, str(given.get(name, defaults[name]["default"]))) for name in PORTS):
         yield Problem(f"{path}.{name}", f"is {port} as {other}", "a port of its own")

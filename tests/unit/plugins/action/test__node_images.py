@@ -95,12 +95,9 @@ def test_a_limited_copy_checks_the_host_s_key_as_every_other_task_does() -> None
     assert given["task"].args["rsync_opts"] == ["--bwlimit=2m", "--chmod=F600"]  # nobody else's to read
 
 
-def test_a_rate_limit_needs_a_collection() -> None:
+def test_a_rate_limit_needs_a_collection_and_sudo_without_a_password() -> None:
     result = ActionHost(action(), {}).copy("/a.tar", "/room/a.tar", "2m")
     assert result == {"failed": True, "msg": "ansible.posix.synchronize is not installed on the control node"}
-
-
-def test_a_rate_limit_needs_sudo_without_a_password() -> None:
     made = action()
     made._play_context.become_pass = "secret"  # noqa: S105 - an invented one
     result = ActionHost(made, {}).copy("/a.tar", "/room/a.tar", "2m")

@@ -25,20 +25,15 @@ def robot(reach: Callable[..., Any]) -> RobotHost:
     return RobotHost(SimpleNamespace(_low_level_execute_command=reach), {"inventory_hostname": "robot1"})
 
 
-CALLS = pytest.mark.parametrize(("method", "argument"), [("module", {}), ("copy", "b")])
-
-
-@CALLS
-def test_a_robot_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, method: str, argument: Any) -> None:
+@pytest.mark.parametrize(("method", "argument"), [("module", {}), ("copy", "b")])
+def test_a_robot_that_cannot_be_reached_or_on_which_ansible_cannot_work(
+    monkeypatch: pytest.MonkeyPatch, method: str, argument: Any
+) -> None:
     monkeypatch.setattr(ActionHost, method, AWAY)
     with pytest.raises(AwayError, match="no route to host"):
         getattr(robot(AWAY), method)("a", argument)
     with pytest.raises(AwayError, match="no route to host"):
         robot(AWAY).there()
-
-
-@CALLS
-def test_one_on_which_ansible_cannot_work(monkeypatch: pytest.MonkeyPatch, method: str, argument: Any) -> None:
     monkeypatch.setattr(ActionHost, method, SUDO)
     with pytest.raises(FleetError, match="did not run on robot1: Incorrect sudo password") as found:
         getattr(robot(SUDO), method)("a", argument)

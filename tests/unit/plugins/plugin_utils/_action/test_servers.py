@@ -79,7 +79,7 @@ def test_another_one_is_on_all_servers_at_once_and_on_no_command_line(cluster: C
     assert cluster.read().agreed
 
 
-def test_a_server_that_did_not_get_it_is_known(cluster: Cluster) -> None:
+def test_a_server_that_did_not_get_it_or_has_none_is_known(cluster: Cluster) -> None:
     cluster.away = "edge3"
     with pytest.raises(KubeError, match="no route"):
         servers.rotate_token(None, {}, THREE)
@@ -93,9 +93,6 @@ def test_a_server_that_did_not_get_it_is_known(cluster: Cluster) -> None:
     cluster.away = ""
     found = cluster.read()
     assert (found.newest, found.agreed, found.kept) == ("new", False, {"edge1": "new", "edge2": "new", "edge3": "old"})
-
-
-def test_a_server_without_one_is_none_to_rotate_with(cluster: Cluster) -> None:
     del cluster.files["edge2"][RUNS]
     with pytest.raises(KubeError, match="cannot be read on edge2"):
         cluster.read()

@@ -46,7 +46,7 @@ def test_bad_input(case: dict[str, Any]) -> None:
     assert len(report.problems) <= 3  # one mistake is not reported as a dozen
 
 
-def test_all_errors_at_once() -> None:
+def test_all_errors_at_once_and_each_once() -> None:
     groups = {"edge": ["edge1", "edge2"], "robots": ["robot1"]}
     robot = {"ros_apps": [{"name": "A"}, table.changed_app({"placement": "moon"})], "robot_mode": "x"}
     found = {problem.path for problem in check_fleet(groups, {"robot1": robot}).problems}
@@ -57,6 +57,7 @@ def test_all_errors_at_once() -> None:
         "hosts.robot1.ros_apps[0].image",
         "hosts.robot1.ros_apps[1].placement",
     }
+    assert len(check_fleet(**table.fleet_of({"apps": [{}, {}]})).problems) == 1
 
 
 EXTERNAL = {"ros_master_mode": "external", "ros_master_uri": "http://192.0.2.5:11311"}
@@ -249,7 +250,3 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         )
         for wrap in wraps[number % SHARE :: SHARE]:
             check({"overrides": wrap})
-
-
-def test_apps_of_one_name_are_told_once() -> None:
-    assert len(check_fleet(**table.fleet_of({"apps": [{}, {}]})).problems) == 1
