@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _observability_stack
@@ -22,8 +23,7 @@ CLAIMS = "/api/v1/namespaces/observability/persistentvolumeclaims"
 SECRETS = "/api/v1/namespaces/observability/secrets"
 
 
-class Task(Protocol):
-    def __call__(self, check: bool = False, **given: Any) -> dict[str, Any]: ...
+Task = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(name="stack")

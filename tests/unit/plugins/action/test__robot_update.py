@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock, Mock, call
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _robot_update
@@ -222,57 +224,40 @@ def test_what_is_asked_for_is_what_the_variables_say(
     assert (asked["apps"], asked["remove_apps"], asked["to"]) == (["camera", "lidar"], [], to)
 
 
-class Edge(dict[str, Any]):
-    """Variables of edge hosts, and who was asked for them."""
-
-    def __init__(self, **hosts: Any) -> None:
-        super().__init__(hosts)
-        self.asked: list[str] = []
-
-    def __getitem__(self, name: str) -> Any:
-        self.asked.append(name)
-        return super().__getitem__(name)
-
-
 @pytest.mark.parametrize(("placement", "asked"), [("local", []), ("remote", ["edge1", "edge2"])])
 def test_images_of_all_edge_hosts_are_known_from_one(
     monkeypatch: pytest.MonkeyPatch, api: dict[str, Any], placement: str, asked: list[str]
 ) -> None:
     told = {"edge1": {"present": {"docker.io/lab/apps:1.0": "sha256:1"}}, "edge3": {"unreachable": True}}
-    edge, settings = Edge(edge1={}, edge2={"edge_images": told}, edge3={"edge_images": told}), list[Any]()
-    brought_there: list[Any] = []
+    hosts = {"edge1": {}, "edge2": {"edge_images": told}, "edge3": {"edge_images": told}}
+    hostvars, settings = MagicMock(), list[Any]()
+    hostvars.__getitem__.side_effect = hosts.__getitem__
 
-    class Engine:
-        waiting: ClassVar[dict[str, float]] = {}
-        graph_told: ClassVar[dict[str, Any]] = {"verdict": "pass", "elapsed": 0.5}
-        changes: ClassVar[list[Any]] = []
-        left = False
+    def engine(_robot: Any, given: Any, _cluster: Any, world: Any) -> SimpleNamespace:
+        settings.append(given)
 
-        def __init__(self, _robot: Any, given: Any, _cluster: Any, world: Any) -> None:
-            settings.append(given)
-            self.host = world.host
-
-        def run(self) -> RobotOutcome:
+        def run() -> RobotOutcome:
             with pytest.raises(NotReadyError, match="b:1 is nowhere"):
-                self.host.bring(["a:1"])
+                world.host.bring(["a:1"])
             return RobotOutcome("unchanged")
 
-    def bring(_node: Any, *asked: Any) -> Any:
-        brought_there.append([asked[0], [*asked[1]], *asked[2:]])
-        return {"failed": True, "msg": "b:1 is nowhere"}
+        verdict = {"verdict": "pass", "elapsed": 0.5}
+        return SimpleNamespace(run=run, waiting={}, graph_told=verdict, changes=[], left=False)
 
-    monkeypatch.setattr(_robot_update, "Engine", Engine)
+    bring = Mock(return_value={"failed": True, "msg": "b:1 is nowhere"})
+    monkeypatch.setattr(_robot_update, "Engine", engine)
     monkeypatch.setattr(_robot_update.NodeImages, "bring", bring)
-    known = {**VARIABLES, **fleet_of(robot({**APP, "placement": placement})), "hostvars": edge}
+    known = {**VARIABLES, **fleet_of(robot({**APP, "placement": placement})), "hostvars": hostvars}
     brought = {"present": {"docker.io/library/redis:7": "sha256:7"}}
-    known |= {"groups": {"edge": list(edge)}, "images_brought": brought, "images_refs": ["always:1", "a:1"]}
+    known |= {"groups": {"edge": list(hosts)}, "images_brought": brought, "images_refs": ["always:1", "a:1"]}
     result = run(_robot_update, api, known)
     local = ["apps:1.0"] * (placement == "local")
-    assert [asked[1:3] for asked in brought_there] == [[["always:1", "a:1"], False]]
-    assert set(local) <= {*brought_there[0][3]}  # what stays pinned
+    [(_archives, wanted, check, kept)] = [asked.args for asked in bring.mock_calls]
+    assert ([*wanted], check) == (["always:1", "a:1"], False)
+    assert set(local) <= {*kept}  # what stays pinned
     assert result["outcome"]["outcome"] == "unchanged"
     assert (result["verdict"], result["elapsed"]) == ("pass", 0.5)  # for the report
-    assert edge.asked == asked
+    assert hostvars.__getitem__.mock_calls == [call(name) for name in asked]
     assert settings[0].edge_images == ({"edge1": {"docker.io/lab/apps:1.0": "sha256:1"}} if asked else {})
     assert settings[0].known("edge1", "lab/apps:1.0") == ({"sha256:1"} if asked else ())
     assert settings[0].known("robot1", "redis:7") == {"sha256:7"}  # seen in this run
