@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible.playbook.task import Task
@@ -15,26 +16,15 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import N
 REDIS = "docker.io/library/redis:7"
 
 
-class Other:
-    """Another action plugin, as the loader makes it: it remembers what it was made of."""
+def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize") -> Any:
+    """`others` makes another action plugin, as the loader does."""
 
-    made: list[tuple[str, Any]]
-
-    def __init__(self, name: str, given: dict[str, Any]) -> None:
-        Other.made.append((name, given))
-
-    def run(self, task_vars: dict[str, Any]) -> dict[str, Any]:
+    def work(task_vars: dict[str, Any]) -> dict[str, Any]:
         task_vars["ansible_connection"] = "changed by synchronize"
         return {"changed": True}
 
-
-def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize") -> Any:
-    Other.made = []
     task = Task()
     task.args, task.diff, task.check_mode = {"names": ["redis:7"]}, True, check_mode
-    loaders = SimpleNamespace(
-        action_loader=SimpleNamespace(get=lambda name, **given: Other(name, given) if name != missing else None)
-    )
     options = {"host_key_checking": True}
     connection = SimpleNamespace(
         _shell=SimpleNamespace(tmpdir="/unused"), has_option=options.__contains__, get_option=options.__getitem__
@@ -42,7 +32,8 @@ def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize")
     context = SimpleNamespace(copy=str, become=True, become_pass="")
     templar = SimpleNamespace(template=lambda value: value)
     made = _node_images.ActionModule(task, connection, context, None, templar)
-    made._shared_loader_obj = loaders
+    made.others = Mock(side_effect=lambda name, **_given: None if name == missing else SimpleNamespace(run=work))
+    made._shared_loader_obj = SimpleNamespace(action_loader=SimpleNamespace(get=made.others))
     made.ran = []
 
     def execute(name: str, args: dict[str, Any], task_vars: dict[str, Any]) -> dict[str, Any]:
@@ -81,7 +72,7 @@ def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_copy_gets_a_task_of_its_own_and_no_diff_of_megabytes() -> None:
     made, task_vars = action(), {"inventory_hostname": "robot1"}
     assert ActionHost(made, task_vars).copy("/a.tar", "/room/a.tar", "") == {"changed": True}
-    ((name, given),) = Other.made
+    [((name,), given)] = made.others.call_args_list
     assert name == "ansible.builtin.copy"
     assert (given["task"].args, given["task"].diff) == ({"src": "/a.tar", "dest": "/room/a.tar", "mode": "0600"}, False)
     assert (made._task.args, made._task.diff) == ({"names": ["redis:7"]}, True)
@@ -89,8 +80,9 @@ def test_a_copy_gets_a_task_of_its_own_and_no_diff_of_megabytes() -> None:
 
 
 def test_a_limited_copy_checks_the_host_s_key_as_every_other_task_does() -> None:
-    assert ActionHost(action(missing=""), {}).copy("/a.tar", "/room/a.tar", "2m") == {"changed": True}
-    ((_name, given),) = Other.made
+    made = action(missing="")
+    assert ActionHost(made, {}).copy("/a.tar", "/room/a.tar", "2m") == {"changed": True}
+    [(_name, given)] = made.others.call_args_list
     assert (given["task"].args["verify_host"], given["task"].args["use_ssh_args"]) == (True, True)
     assert given["task"].args["rsync_opts"] == ["--bwlimit=2m", "--chmod=F600"]  # nobody else's to read
 
@@ -102,4 +94,5 @@ def test_a_rate_limit_needs_a_collection_and_sudo_without_a_password() -> None:
     made._play_context.become_pass = "secret"  # noqa: S105 - an invented one
     result = ActionHost(made, {}).copy("/a.tar", "/room/a.tar", "2m")
     assert result["failed"] and "leave out images_rate_limit" in result["msg"]
-    assert "secret" not in result["msg"] and Other.made == []
+    assert "secret" not in result["msg"]
+    made.others.assert_not_called()

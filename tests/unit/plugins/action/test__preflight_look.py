@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _preflight_look
@@ -20,21 +21,17 @@ def looked(
     monkeypatch: pytest.MonkeyPatch, found: dict[str, Any], rc: int, out: str
 ) -> tuple[dict[str, Any], list[str]]:
     """The result where the module says `found`, and what the host's shell was asked."""
-    asked: list[str] = []
+    shell = Mock(return_value={"rc": rc, "stdout": out})
 
     def job(host: ActionHost, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         assert (name, arguments["reach"]) == ("facts", ["edge1:6443"])
         host.plugin._used_interpreter = "#!/usr/bin/python3"
         return found
 
-    def shell(_action: Any, command: str) -> dict[str, Any]:
-        asked.append(command)
-        return {"rc": rc, "stdout": out}
-
     monkeypatch.setattr(machines, "OLDEST", (3, 9))
     monkeypatch.setattr(ActionHost, "job", job)
     monkeypatch.setattr(_preflight_look.ActionModule, "_low_level_execute_command", shell)
-    return run(_preflight_look, PART, {"hostvars": {"edge1": {}}}), asked
+    return run(_preflight_look, PART, {"hostvars": {"edge1": {}}}), [one.args[0] for one in shell.mock_calls]
 
 
 def test_the_clock_is_measured_by_the_call(monkeypatch: pytest.MonkeyPatch) -> None:
