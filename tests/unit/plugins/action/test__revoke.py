@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Callable
+from functools import partial
+from itertools import count
 from typing import Any
 
 import pytest
@@ -60,15 +61,9 @@ def cluster(server: Server, monkeypatch: pytest.MonkeyPatch) -> Server:
         return real(method, path, query, body, content)
 
     monkeypatch.setattr(server, "write", write)
-    monkeypatch.setattr(_revoke, "poll", _at_once(_revoke.poll))
+    at_once = partial(_revoke.poll, now=count().__next__, sleep=lambda _seconds: None)
+    monkeypatch.setattr(_revoke, "poll", at_once)
     return server
-
-
-def _at_once(poll: Callable[..., Any]) -> Callable[..., Any]:
-    """The same without its clock."""
-    time = iter(range(10**6))
-    clock: dict[str, Any] = {"now": lambda: next(time), "sleep": lambda _seconds: None}
-    return lambda probe, timeout, interval, *more: poll(probe, timeout, interval, *more, **clock)
 
 
 def test_nothing_is_left_of_its_rights(
