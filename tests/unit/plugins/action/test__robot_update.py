@@ -168,7 +168,6 @@ class Turns:
         self.masters: dict[str, Any] = {"mode": "shared"}
 
     def turn(self, module: Any, params: dict[str, Any]) -> RobotOutcome:
-        module._since = {}
         self.turns.append((module._host, params["own"]))
         return RobotOutcome(self.words[module._host] if not params["own"] else "updated", "why")
 
@@ -179,19 +178,16 @@ class Turns:
 
 
 def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once in a run: the one that is off leaves it to the next."""
+    """Once in a run: the one that is off leaves it to the next. A fleet without anything shared has no such turn."""
+    alone = Turns(monkeypatch)
+    alone.masters = {}
+    alone.take("robot1", own=False)
+    assert alone.turns == []
     robots = Turns(monkeypatch, robot1="deferred-offline", robot2="updated", robot3="updated")
     for name in ("robot1", "robot2", "robot3"):
         robots.take(name, own=False)
     assert robots.turns == [("robot1", False), ("robot2", False)]
     assert robots.take("robot1", own=True)["outcome"]["outcome"] == "updated"
-
-
-def test_a_fleet_without_anything_shared_has_no_such_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    robots = Turns(monkeypatch)
-    robots.masters = {}
-    robots.take("robot1", own=False)
-    assert robots.turns == []
 
 
 def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,15 +208,10 @@ def test_what_is_asked_for_is_what_the_variables_say(
     monkeypatch: pytest.MonkeyPatch, said: dict[str, Any], to: str
 ) -> None:
     """As text, too, of a survey or of -e."""
-    asked: dict[str, Any] = {}
-
-    def update(module: Any, params: dict[str, Any], _result: Any) -> RobotOutcome:
-        module._since = {}
-        asked.update(params)
-        return RobotOutcome("updated")
-
+    update = Mock(return_value=RobotOutcome("updated"))
     monkeypatch.setattr(_robot_update.ActionModule, "_update", update)
     run(_robot_update, {}, {**VARIABLES, "update_apps": "camera, lidar", "update_remove_apps": None, **said})
+    asked, _result = update.call_args.args
     assert (asked["apps"], asked["remove_apps"], asked["to"]) == (["camera", "lidar"], [], to)
 
 
