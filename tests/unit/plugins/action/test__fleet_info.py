@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _fleet_info
@@ -18,19 +19,14 @@ NODE = {"metadata": {"name": "robot1"}, "status": {"conditions": [{"type": "Read
 
 
 def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results: Any) -> dict[str, Any]:
-    asked: list[str] = []
-
-    def ask(kubeconfigs: dict[str, str]) -> dict[str, Answer]:
-        asked.extend(kubeconfigs)
-        return {cluster: answers[cluster] for cluster in kubeconfigs}
-
+    ask = Mock(side_effect=lambda clusters: {cluster: answers[cluster] for cluster in clusters})
     monkeypatch.setattr(_fleet_info.look, "ask", ask)
     monkeypatch.setattr(_fleet_info.look, "read_by_keepers", lambda graphs, *_rest: {robot: {} for robot in graphs})
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
     found = run(_fleet_info, {"volumes": "usage", "images": "usage", "graphs": True}, given)
-    return {**found.pop("status"), **found, "asked": asked}
+    return {**found.pop("status"), **found, "asked": [*ask.call_args.args[0]]}
 
 
 def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible.errors import AnsibleConnectionFailure
@@ -280,10 +281,7 @@ def test_a_token_is_not_taken_back_and_that_is_told(host: Host, monkeypatch: pyt
 
 
 def test_a_token_stays_wherever_its_rotation_ended(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_given: Any) -> None:
-        raise KubeError("edge2: no route")
-
-    monkeypatch.setattr(_k3s_change, "rotate_token", broken)
+    monkeypatch.setattr(_k3s_change, "rotate_token", Mock(side_effect=KubeError("edge2: no route")))
     found = host.change(**TOKEN)
     assert found["outcome"]["outcome"] == "failed"
     assert "edge2: no route; k3s was not started again; the next rotation of the token goes on" in found["msg"]

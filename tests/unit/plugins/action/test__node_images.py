@@ -59,14 +59,10 @@ def test_the_node_is_looked_at_in_check_mode_too(check_mode: bool) -> None:
 
 
 def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    brought = {"changed": True, "present": {REDIS: "sha256:1"}}
-
-    def bring(_images: NodeImages, archives: Any, names: Any, check: bool, keep: Any) -> dict[str, Any]:
-        assert (archives, names, check, keep) == ([], ["redis:7"], False, [])
-        return brought
-
+    bring = Mock(return_value={"changed": True, "present": {REDIS: "sha256:1"}})
     monkeypatch.setattr(NodeImages, "bring", bring)
-    assert action().run(task_vars={"inventory_hostname": "robot1"}) == brought
+    assert action().run(task_vars={"inventory_hostname": "robot1"}) == bring.return_value
+    bring.assert_called_once_with([], ["redis:7"], False, [])
 
 
 def test_a_copy_gets_a_task_of_its_own_and_no_diff_of_megabytes() -> None:

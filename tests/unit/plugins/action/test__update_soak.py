@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _robot_update, _update_soak
@@ -42,15 +43,12 @@ def test_what_a_keeper_took_back_counts_as_what_the_update_came_to(
 ) -> None:
     monkeypatch.setattr(_update_soak.ActionModule, "cluster", lambda *_given: contextlib.nullcontext())
     monkeypatch.setattr(_update_soak.ActionModule, "run_of", lambda *_given: None)
-
-    def soak(_run: Any, _robot: Any, revisions: dict[str, str], _world: Any) -> RobotOutcome:
-        assert revisions == {"camera": "rev2"}
-        return RobotOutcome("rolled-back", "the keeper went back")
-
+    soak = Mock(return_value=RobotOutcome("rolled-back", "the keeper went back"))
     monkeypatch.setattr(_update_soak, "soak", soak)
     monkeypatch.setattr(_update_soak, "keep_early", lambda *_given, **_more: None)
     known = {**WAVES, **fleet_of(robot(name="r1")), "inventory_hostname": "r1", "ansible_play_batch": ["r1"]}
     result = run(_update_soak, NOWHERE, {**known, "update_result": {"outcome": UPDATED}})
+    assert soak.call_args.args[2] == {"camera": "rev2"}
     assert (result["outcome"]["outcome"], result["outcome"]["reason"]) == ("rolled-back", "the keeper went back")
     later = Ledger(tmp_path, "r2", _robot_update.ActionModule.KIND)
     assert later.last("r1")["outcome"] == "rolled-back"

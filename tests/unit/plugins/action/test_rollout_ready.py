@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible.errors import AnsibleActionFail
@@ -43,10 +44,8 @@ def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_failure_carries_the_objects(monkeypatch: pytest.MonkeyPatch) -> None:
-    def work(*_unused: Any) -> dict[str, Any]:
-        raise NotReadyError("1 of 1 cannot be rolled out", objects=[TALKER], elapsed=2.0)
-
-    result = action(monkeypatch, work, {})
+    error = NotReadyError("1 of 1 cannot be rolled out", objects=[TALKER], elapsed=2.0)
+    result = action(monkeypatch, Mock(side_effect=error), {})
     assert (result["failed"], result["msg"], result["objects"]) == (True, "1 of 1 cannot be rolled out", [TALKER])
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock, call
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
@@ -21,30 +22,27 @@ NEXT: dict[str, Any] = {
 
 
 @pytest.fixture(name="done")
-def _done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    done: list[Any] = []
-
-    def switch(_change: K3sChange, *files: Any) -> Change:
-        done.append(files)
-        return Change("v1", unproven=True)
-
+def _done(monkeypatch: pytest.MonkeyPatch) -> Mock:
+    """The exchange of k3s."""
+    switch = Mock(return_value=Change("v1", unproven=True))
     monkeypatch.setattr(K3sChange, "record", lambda _change: Change())
     monkeypatch.setattr(K3sChange, "switch", switch)
     monkeypatch.setattr(K3sChange, "version", lambda _change, _staged: "v2")
     monkeypatch.setattr(K3sChange, "invocation", lambda _change: "abc")
-    return done
+    return switch
 
 
 @pytest.mark.parametrize("check", [False, True])
-def test_k3s_is_exchanged_but_in_check_mode(done: list[Any], check: bool) -> None:
+def test_k3s_is_exchanged_but_in_check_mode(done: Mock, check: bool) -> None:
     found = _host.k3s_change(SimpleNamespace(check_mode=check, run_command=None), NEXT)
     assert (found["changed"], found["staged"], found["start"]) == (True, "v2", "abc")
-    assert (done, found["unproven"]) == (([], False) if check else ([(["/usr/local/bin/k3s"], [], False)], True))
+    assert done.mock_calls == ([] if check else [call(["/usr/local/bin/k3s"], [], False)])
+    assert found["unproven"] is not check
 
 
-def test_what_is_staged_is_no_change(done: list[Any]) -> None:
+def test_what_is_staged_is_no_change(done: Mock) -> None:
     found = _host.k3s_change(SimpleNamespace(check_mode=False, run_command=None), {"role": "agent", "state": "staged"})
-    assert (found["changed"], done) == (False, [])
+    assert (found["changed"], done.mock_calls) == (False, [])
 
 
 def test_facts_have_both_readings_of_the_clock() -> None:
@@ -69,10 +67,7 @@ def test_a_wait_for_k3s_ends_with_what_was_seen(
 
 
 def download(monkeypatch: pytest.MonkeyPatch, place: Path, check: bool, **more: Any) -> Any:
-    def no_network(*_args: Any, **_more: Any) -> None:
-        raise OSError("no route to http://me:s3cret@proxy:3128")
-
-    monkeypatch.setattr(_host, "open_url", no_network)
+    monkeypatch.setattr(_host, "open_url", Mock(side_effect=OSError("no route to http://me:s3cret@proxy:3128")))
     monkeypatch.setattr(_host.os, "environ", {})
     asked = {"url": "https://x/k3s", "dest": str(place), "sha256": "", "sums": "https://x/sums", "environment": {}}
     return _host.k3s_download(SimpleNamespace(check_mode=check), {**asked, **more})
@@ -108,9 +103,6 @@ def test_what_is_wrong_with_a_job_on_the_ros_graph_is_told(main: Callable[..., d
 def test_a_removal_that_was_cut_off_says_how_to_go_on(
     main: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
-    def everything(*_args: Any) -> None:
-        raise error
-
-    monkeypatch.setattr(_host.Remover, "everything", everything)
+    monkeypatch.setattr(_host.Remover, "everything", Mock(side_effect=error))
     found = main(_host, job="k3s_remove", arguments={"volumes": False, "identity": False})
     assert found["msg"] == f"k3s is not wholly removed: {error}. Running this again goes on where it ended."

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
@@ -47,10 +48,7 @@ def test_work_without_a_turn_has_its_word_at_once() -> None:
 
 
 def test_what_breaks_or_ends_the_work_is_heard(tmp_path: Path) -> None:
-    def broken(_turns: Turns) -> Mapping[str, Any]:
-        raise ValueError("a mistake of ours")
-
-    assert "ValueError: a mistake of ours" in begin(broken)["error"]
+    assert "ValueError: a mistake of ours" in begin(Mock(side_effect=ValueError("a mistake of ours")))["error"]
     with pytest.raises(FleetError, match="has ended without a word"):
         begin(lambda _turns: os._exit(9))
     with pytest.raises(FleetError, match="the process beside this run has ended: "):
