@@ -43,20 +43,16 @@ class Host:
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.writes = ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
         self.lives, self.renewed = [EARLY, EARLY], EARLY  # of a certificate before and now, and once k3s has started
-        self.known_nodes, self.robots_asked, self.cluster = [node("robot1")], False, AtRest(5)
+        self.known_nodes, self.robots_on, self.cluster = [node("robot1")], Mock(return_value=[]), AtRest(5)
         monkeypatch.setattr(ActionHost, "module", lambda _host, _name, args, *_more: self.module(args))
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.module({}))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext(self))
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
         monkeypatch.setattr(gated, "KubeCluster", lambda *_args: self.cluster)
-        monkeypatch.setattr(gated, "robots_on", lambda *_args: self.robots_on())
+        monkeypatch.setattr(gated, "robots_on", self.robots_on)
 
     def nodes(self) -> list[dict[str, Any]]:
         return self.known_nodes
-
-    def robots_on(self) -> list[Any]:
-        self.robots_asked = True
-        return []
 
     def module(self, args: dict[str, Any]) -> dict[str, Any]:
         if self.away:
@@ -172,7 +168,7 @@ def test_another_robot_that_is_not_ready_is_no_server(host: Host) -> None:
 def test_an_edge_hosts_robots_rest_where_their_pods_may_be_started_again(host: Host, staged: str, asked: bool) -> None:
     host.staged = staged
     host.change()
-    assert host.robots_asked is asked
+    assert host.robots_on.called is asked
 
 
 def test_a_host_that_is_away_is_deferred(host: Host) -> None:

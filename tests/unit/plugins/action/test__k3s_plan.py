@@ -7,6 +7,7 @@ import hashlib
 import subprocess
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _k3s_plan
@@ -109,12 +110,10 @@ def test_an_agent_joins_anew_by_its_name(planned: Planned) -> None:
 def test_the_configuration_goes_by_the_datastore_that_the_host_has(
     planned: Planned, monkeypatch: pytest.MonkeyPatch, etcd: bool, init: bool
 ) -> None:
-    seen = []
-    monkeypatch.setattr(_k3s_plan, "plan", lambda _now, part, *_more: seen.append(part) or {
-        "tokens": [], "guarded": False, "unsure": False, "any": False, "rotate": "",
-    })  # fmt: skip
+    plan = Mock(return_value={"tokens": [], "guarded": False, "unsure": False, "any": False, "rotate": ""})
+    monkeypatch.setattr(_k3s_plan, "plan", plan)
     found = planned("edge1", {"etcd": etcd}, k3s_server_hosts=["edge1"])
-    assert ("cluster-init: true" in seen[0].files[0].content) is init
+    assert ("cluster-init: true" in plan.call_args.args[1].files[0].content) is init
     assert found["etcd"] is etcd
 
 
