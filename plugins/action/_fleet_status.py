@@ -11,11 +11,9 @@ import time
 from collections.abc import Mapping
 from typing import ClassVar
 
-from ansible.utils.display import Display
-
 from ..module_utils._common.documents import Arguments, Result, Variables
-from ..plugin_utils._action import voice
 from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.voice import display, show
 from ..plugin_utils._model import names
 from ..plugin_utils._model.keys import read
 from ..plugin_utils._report.files import placed, text_of, write
@@ -27,8 +25,6 @@ from ..plugin_utils._report.ros_graph import Reading
 from ..plugin_utils._report.rows import Trouble, logs_of
 from ..plugin_utils._report.text import TABLES, status_text, summary_text
 from ..plugin_utils._upstream.ansible_core import BRIEF
-
-display = Display()
 
 
 class ActionModule(FleetAction):
@@ -49,7 +45,7 @@ class ActionModule(FleetAction):
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         tables = status_text(status) if display.verbosity else f"{TABLES}\n"
         text = f"{summary_text(status, now, look.name)}\n{tables}"
-        voice.show(f"\n{text}")
+        show(f"\n{text}")
         # what -v would print of the result is what has just been shown
         result: Result = {"text": text, **BRIEF}
         try:

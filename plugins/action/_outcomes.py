@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from typing import ClassVar
 
 from ansible import context
-from ansible.utils.display import Display
 
 from ..module_utils._common.documents import Arguments, Result, Variables
 from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._action.voice import display
 from ..plugin_utils._kube.access import NoClusterError
 from ..plugin_utils._model.fleet import Fleet, Home
 from ..plugin_utils._model.host_variables import HostVariables
@@ -24,8 +24,6 @@ from ..plugin_utils._report.kept import PATIENCE, keep
 from ..plugin_utils._report.results import declared_in
 from ..plugin_utils._update.outcome import RobotOutcome
 from ..plugin_utils._upstream.ansible_core import BRIEF
-
-display = Display()
 
 BEGUN = "the run ended before it could say what became of the host"
 # Without the callback.

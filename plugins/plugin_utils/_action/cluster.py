@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.utils.display import Display
 
 from ...module_utils._common.documents import Arguments, Result, Variables
 from ...module_utils._common.errors import KubeError
@@ -36,8 +35,7 @@ from .._model.host_variables import HostVariables
 from .._upstream import ansible_core
 from .access import Fetch, Way, given_way
 from .base import FleetAction
-
-display = Display()
+from .voice import display
 
 BEGIN, END = "rosops-fleet-begin", "rosops-fleet-end"
 
