@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An action plugin run by itself: arguments and variables in, result out; and a cluster in which no robot works."""
+"""An action plugin run by itself: arguments and variables in, result out; and what a controller may."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import controller_access
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
 
 def run(
@@ -23,37 +21,6 @@ def run(
     )
     found: dict[str, Any] = made.run(task_vars={"inventory_hostname": "robot1", **task_vars})
     return found
-
-
-class AtRest:
-    """A cluster in which the host's robot runs nothing, so that only its node has to be well, within `patience` s."""
-
-    def __init__(self, patience: float) -> None:
-        self.patience, self.beats = patience, 0
-
-    def read(self, _namespaces: Any) -> Live:
-        return Live()
-
-    def door(self, _robot: Any) -> AtRest:
-        """That of a keeper that is not there."""
-        return self
-
-    def there(self) -> None:
-        raise KubeError("there is no keeper")
-
-    def job(self, _name: str, _arguments: Any) -> None:
-        self.there()
-
-    def beat(self, _node: str) -> str:
-        self.beats += 1
-        return str(self.beats)
-
-    def confirm(self) -> None:
-        """Nobody else is there."""
-
-    def wait(self, objects: list[Any], timeout: float) -> None:
-        assert [item["kind"] for item in objects] == ["Node"]
-        assert timeout <= self.patience
 
 
 def k3s_of(host: str, *servers: str, **more: Any) -> dict[str, Any]:

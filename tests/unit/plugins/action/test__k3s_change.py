@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+from itertools import count
 from typing import Any
 from unittest.mock import Mock
 
@@ -13,7 +14,7 @@ from ansible_collections.rosops.fleet.plugins.action import _k3s_change
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost, RobotHost
-from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import AtRest, k3s_of, run
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import k3s_of, run
 
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
 PLAN: dict[str, Any] = {
@@ -43,12 +44,13 @@ class Host:
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.writes = ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
         self.lives, self.renewed = [EARLY, EARLY], EARLY  # of a certificate before and now, and once k3s has started
-        self.known_nodes, self.robots_on, self.cluster = [node("robot1")], Mock(return_value=[]), AtRest(5)
+        self.known_nodes, self.robots_on = [node("robot1")], Mock(return_value=[])
+        self.cluster = Mock(**{"beat.side_effect": map(str, count())})  # whose kubelet is heard of each time
         monkeypatch.setattr(ActionHost, "module", lambda _host, _name, args, *_more: self.module(args))
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.module({}))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext(self))
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
-        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: self.cluster)
+        monkeypatch.setattr(gated, "KubeCluster", Mock(return_value=self.cluster))
         monkeypatch.setattr(gated, "robots_on", self.robots_on)
 
     def nodes(self) -> list[dict[str, Any]]:
@@ -91,6 +93,9 @@ def test_what_was_staged_is_taken_and_proven(host: Host) -> None:
     assert found["msg"].startswith(f"k3s {OLD} -> {NEW} in ")
     assert host.asked == ["staged", "next", "staged", "proven"]
     assert host.args["proven"]["start"] == "after ['next', 'staged']"
+    # no robot works here: only its node has to be well, within k3s_start_timeout
+    [(objects, timeout)] = [one.args for one in host.cluster.wait.mock_calls]
+    assert ([item["kind"] for item in objects], timeout <= 5) == (["Node"], True)
     assert host.kept == [("robot1", "updated", f"k3s: {found['msg']}", True)]
 
 
@@ -136,7 +141,7 @@ def test_what_an_unproven_change_came_from_is_no_step_back(host: Host) -> None:
 def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
     host.known_nodes = []
     assert host.change(plan={"works": False})["outcome"]["outcome"] == "updated"
-    assert host.cluster.beats == 0
+    host.cluster.beat.assert_not_called()
 
 
 @pytest.mark.parametrize(
