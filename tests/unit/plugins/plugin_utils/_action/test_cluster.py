@@ -21,12 +21,10 @@ from ansible_collections.rosops.fleet.plugins.action import (
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import conditions, obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
 IDENTITY = "/api/v1/namespaces/kube-system/configmaps/rosops-fleet"
 GROUPS = {"edge": ["edge1", "edge2", "edge3"], "robots": ["robot1", "robot2"]}
@@ -52,10 +50,9 @@ def local_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def inventory(name: str = "production", own: str = "robot1", **variables: Any) -> dict[str, Any]:
     """The variables of a task of one of its robots. `robot2` is a cluster of its own."""
     hostvars = {host: {"ansible_host": "127.0.0.1", "usage": {}} for hosts in GROUPS.values() for host in hosts}
-    hosts = fleet_topology(GROUPS, {"robot2": "standalone"})
-    robots = {one: robot(APP, name=one) for one in GROUPS["robots"]}
+    said = {"robot1": {"ros_apps": [APP]}, "robot2": {"ros_apps": [APP], "robot_mode": "standalone"}}
     return {
-        "fleet": Fleet(robots, hosts, tuple(GROUPS["edge"]), name).as_dict(),
+        "fleet": {**fleet(GROUPS, said).as_dict(), "name": name},
         "hostvars": {host: {**item, **variables} for host, item in hostvars.items()},
         "inventory_hostname": own,
         "ansible_play_hosts_all": ["edge1", "robot1"],
