@@ -213,12 +213,12 @@ def test_after_a_server_of_the_shared_cluster_that_failed_none_is_changed(host: 
 
 SAME: dict[str, Any] = {"binary": False, "write": []}
 RENEWS: dict[str, Any] = {**SAME, "rotate": "certificates", "renews": True}
-CERTIFICATES: dict[str, Any] = {"plan": RENEWS}
+ROTATES: dict[str, Any] = {**SAME, "rotate": "token"}
 
 
 def test_new_certificates_are_told_by_their_ends(host: Host) -> None:
     host.writes, host.renewed = [], LATE
-    found = host.change(**CERTIFICATES)
+    found = host.change(plan=RENEWS)
     assert found["outcome"]["outcome"] == "updated"
     assert found["msg"].endswith("; certificates until 2027-11-26 (before: 2027-03-01): agent/client-kubelet.crt")
     assert host.args["next"]["renew"] is True
@@ -235,7 +235,7 @@ def test_an_agents_token_to_join_comes_with_them_and_goes_with_them(host: Host) 
 @pytest.mark.parametrize("ends", [EARLY, "2027-01-01T00:00:00"])
 def test_certificates_that_are_no_others_are_taken_back(host: Host, ends: str) -> None:
     host.writes, host.renewed = [], ends
-    found = host.change(**CERTIFICATES)
+    found = host.change(plan=RENEWS)
     assert found["outcome"]["outcome"] == "rolled-back"
     assert "agent/client-kubelet.crt is no other one than before, or ends no later" in found["msg"]
     assert "until" not in found["msg"]
@@ -250,14 +250,11 @@ def test_those_of_a_run_that_was_cut_off_are_only_proven(host: Host) -> None:
 
 
 def test_check_mode_tells_when_certificates_end(host: Host) -> None:
-    found = host.change(check_mode=True, **CERTIFICATES)
+    found = host.change(check_mode=True, plan=RENEWS)
     assert found["changed"]
     assert found["msg"].startswith("would change: ")
     assert found["msg"].endswith("; certificates until 2027-03-01: agent/client-kubelet.crt")
     assert host.asked == ["staged"]
-
-
-TOKEN: dict[str, Any] = {"plan": {**SAME, "rotate": "token"}}
 
 
 @pytest.mark.parametrize("check_mode", [False, True])
@@ -266,7 +263,7 @@ def test_the_token_is_made_before_k3s_starts_with_it(
 ) -> None:
     host.writes = []
     monkeypatch.setattr(_k3s_change, "rotate_token", lambda *given: host.asked.append(f"token of {given[2]}"))
-    found = host.change(check_mode, **TOKEN)
+    found = host.change(check_mode, plan=ROTATES)
     assert found["outcome"]["outcome"] == "updated"
     assert found["msg"].endswith("; another token of the servers")
     more = [] if check_mode else ["token of ['robot1']", "next", "staged", "proven"]
@@ -276,14 +273,14 @@ def test_the_token_is_made_before_k3s_starts_with_it(
 def test_a_token_is_not_taken_back_and_that_is_told(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     host.writes, host.bad = [], True
     monkeypatch.setattr(_k3s_change, "rotate_token", lambda *_given: None)
-    found = host.change(**TOKEN)
+    found = host.change(plan=ROTATES)
     assert found["outcome"]["outcome"] == "rolled-back"
     assert found["msg"].endswith("k3s will not become ready; the servers' token is the new one")
 
 
 def test_a_token_stays_wherever_its_rotation_ended(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_k3s_change, "rotate_token", Mock(side_effect=KubeError("edge2: no route")))
-    found = host.change(**TOKEN)
+    found = host.change(plan=ROTATES)
     assert found["outcome"]["outcome"] == "failed"
     assert "edge2: no route; k3s was not started again; the next rotation of the token goes on" in found["msg"]
     assert host.asked == ["staged"]
