@@ -52,6 +52,8 @@ class Host:
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
         monkeypatch.setattr(gated, "KubeCluster", Mock(return_value=self.cluster))
         monkeypatch.setattr(gated, "robots_on", self.robots_on)
+        self.rotate_token = Mock(side_effect=lambda *given: self.asked.append(f"token of {given[2]}"))
+        monkeypatch.setattr(_k3s_change, "rotate_token", self.rotate_token)
 
     def nodes(self) -> list[dict[str, Any]]:
         return self.known_nodes
@@ -258,11 +260,8 @@ def test_check_mode_tells_when_certificates_end(host: Host) -> None:
 
 
 @pytest.mark.parametrize("check_mode", [False, True])
-def test_the_token_is_made_before_k3s_starts_with_it(
-    host: Host, monkeypatch: pytest.MonkeyPatch, check_mode: bool
-) -> None:
+def test_the_token_is_made_before_k3s_starts_with_it(host: Host, check_mode: bool) -> None:
     host.writes = []
-    monkeypatch.setattr(_k3s_change, "rotate_token", lambda *given: host.asked.append(f"token of {given[2]}"))
     found = host.change(check_mode, plan=ROTATES)
     assert found["outcome"]["outcome"] == "updated"
     assert found["msg"].endswith("; another token of the servers")
@@ -270,16 +269,15 @@ def test_the_token_is_made_before_k3s_starts_with_it(
     assert host.asked == ["staged", *more]
 
 
-def test_a_token_is_not_taken_back_and_that_is_told(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_token_is_not_taken_back_and_that_is_told(host: Host) -> None:
     host.writes, host.bad = [], True
-    monkeypatch.setattr(_k3s_change, "rotate_token", lambda *_given: None)
     found = host.change(plan=ROTATES)
     assert found["outcome"]["outcome"] == "rolled-back"
     assert found["msg"].endswith("k3s will not become ready; the servers' token is the new one")
 
 
-def test_a_token_stays_wherever_its_rotation_ended(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_k3s_change, "rotate_token", Mock(side_effect=KubeError("edge2: no route")))
+def test_a_token_stays_wherever_its_rotation_ended(host: Host) -> None:
+    host.rotate_token.side_effect = KubeError("edge2: no route")
     found = host.change(plan=ROTATES)
     assert found["outcome"]["outcome"] == "failed"
     assert "edge2: no route; k3s was not started again; the next rotation of the token goes on" in found["msg"]
