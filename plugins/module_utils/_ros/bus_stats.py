@@ -22,7 +22,7 @@ from typing import Any, Iterable, Mapping
 
 from .._common.errors import RosError
 from .graph import Count, Flow, Graph, Link, NodeKey, Rate, Stats
-from .replies import unwrap
+from .replies import rows, unwrap
 from .rpc import Api, Deadline, Master, in_parallel, reason
 
 OUT, IN = "out", "in"
@@ -52,27 +52,17 @@ def stats(reply: Any) -> Stats:
     links: dict[Link, Count] = {}
     flows = set()
     for direction, entries in ((OUT, value[0]), (IN, value[1])):
-        for entry in entries if isinstance(entries, (list, tuple)) else ():
-            if not (isinstance(entry, (list, tuple)) and len(entry) > 1 and isinstance(entry[0], str)):
+        for entry in rows(entries, 2):
+            if not isinstance(entry[0], str):
                 continue
             flows.add((entry[0], direction))
             # the connections come last, whatever stands before them
-            for row in entry[-1] if isinstance(entry[-1], (list, tuple)) else ():
-                found = _row(row, direction)
-                if found is not None:
-                    links[(entry[0], direction, found[0])] = found[1]
+            for row in rows(entry[-1], 4):
+                # the fourth of five fields of a publisher is roscpp's count, after the bytes without headers
+                messages = row[3] if direction == OUT and len(row) > 4 else row[2]
+                if all(isinstance(number, int) for number in (row[0], row[1], messages)):
+                    links[(entry[0], direction, row[0])] = Count(messages, row[1])
     return Stats(links, frozenset(flows), bare)
-
-
-def _row(row: Any, direction: str) -> tuple[int, Count] | None:
-    """Connection and counts of one row; None where it makes no sense."""
-    if not isinstance(row, (list, tuple)) or len(row) < 4:
-        return None
-    # the fourth of five fields of a publisher is roscpp's count, after the bytes without headers
-    messages = row[3] if direction == OUT and len(row) > 4 else row[2]
-    if not all(isinstance(value, int) for value in (row[0], row[1], messages)):
-        return None
-    return row[0], Count(messages, row[1])
 
 
 def _step(before: int, now: int, wraps: bool) -> int:

@@ -382,13 +382,8 @@ class Graph:
             {one.name: one for one in map(action, self.actions.values())},
         )
 
-    def measured(
-        self,
-        rates: Mapping[str, Rate],
-        handshakes: Mapping[str, Handshake] | None = None,
-    ) -> Graph:
+    def measured(self, rates: Mapping[str, Rate], said: Mapping[str, Handshake]) -> Graph:
         """The graph with rates and handshakes of topics."""
-        said = handshakes or {}
         topics = {name: _measured(topic, rates.get(name), said.get(name)) for name, topic in self.topics.items()}
         return replace(self, topics=topics)
 

@@ -97,7 +97,7 @@ def unwrap(reply: Any) -> Any:
     return reply[2]
 
 
-def _rows(raw: Any, least: int) -> Iterable[Any]:
+def rows(raw: Any, least: int) -> Iterable[Any]:
     """The rows of a list of lists that are at least so long; anything else is left out."""
     if isinstance(raw, (list, tuple)):
         for row in raw:
@@ -108,7 +108,7 @@ def _rows(raw: Any, least: int) -> Iterable[Any]:
 def registrations(raw: Any) -> dict[str, tuple[str, ...]]:
     """One third of getSystemState's value."""
     found: dict[str, tuple[str, ...]] = {}
-    for name, nodes, *_more in _rows(raw, 2):
+    for name, nodes, *_more in rows(raw, 2):
         if isinstance(name, str) and isinstance(nodes, (list, tuple)):
             found[name] = tuple(sorted({node for node in nodes if isinstance(node, str)}))
     return found
@@ -116,7 +116,7 @@ def registrations(raw: Any) -> dict[str, tuple[str, ...]]:
 
 def topic_types(raw: Any) -> dict[str, str]:
     """[[topic, type], ...] as getTopicTypes, getPublications and getSubscriptions give it."""
-    return {row[0]: row[1] for row in _rows(raw, 2) if isinstance(row[0], str) and isinstance(row[1], str)}
+    return {row[0]: row[1] for row in rows(raw, 2) if isinstance(row[0], str) and isinstance(row[1], str)}
 
 
 def master_state(system_state: Any, types: Any = None) -> MasterState:
@@ -130,7 +130,7 @@ def master_state(system_state: Any, types: Any = None) -> MasterState:
 def connections(raw: Any) -> tuple[Connection, ...]:
     """getBusInfo's value: [id, peer, direction, transport, topic, connected, ...]; older nodes end after the topic."""
     found = []
-    for row in _rows(raw, 5):
+    for row in rows(raw, 5):
         peer, direction, transport, topic = row[1:5]
         if all(isinstance(value, str) for value in (peer, direction, transport, topic)):
             connected = bool(row[5]) if len(row) > 5 else True

@@ -21,7 +21,7 @@ from typing import Any, Callable, Container, Iterable, Mapping
 
 from .._common.documents import Data
 from .graph import Graph, host_of
-from .replies import unwrap
+from .replies import rows, unwrap
 from .rpc import MAX_THREADS, Api, Deadline, Master, in_parallel
 
 URIS = "/roslaunch/uris"  # host_<address with _>__<port> -> URI
@@ -126,10 +126,10 @@ def _ask(uri: str, host: str, caller: str, seconds: float) -> list[Child]:
 def processes(listed: Any) -> Iterable[tuple[str, bool, int]]:
     """Name, whether roslaunch still minds it, and how many times it was started, from list_processes' value."""
     parts = listed[:2] if isinstance(listed, (list, tuple)) else ()
-    for rows, alive in zip(parts, (True, False)):
-        for row in rows if isinstance(rows, (list, tuple)) else ():
-            if isinstance(row, (list, tuple)) and len(row) > 1 and isinstance(row[0], str) and isinstance(row[1], int):
-                yield row[0], alive, row[1]
+    for part, alive in zip(parts, (True, False)):
+        for name, spawned, *_more in rows(part, 2):
+            if isinstance(name, str) and isinstance(spawned, int):
+                yield name, alive, spawned
 
 
 def child_of(host: str, name: str, minded: bool, spawned: int, info: Any) -> Child:

@@ -203,23 +203,13 @@ def in_parallel(
     return {key: results[key] if key in results else failed(key, late) for key in tasks}
 
 
-class _HTTPConnection(http.client.HTTPConnection):
-    def __init__(self, host: str, port: int, deadline: Deadline) -> None:
-        super().__init__(host, port)
-        self.deadline = deadline
-
-    def connect(self) -> None:
-        self.sock = connect(self.host, self.port, self.deadline)
-
-
 class Api:
     """The XML-RPC API of the master or of a node, over one connection that is kept for all calls."""
 
     def __init__(self, uri: str, caller: str, deadline: Deadline, memo: Memo | None = None) -> None:
-        self.caller = caller
-        self.memo = memo
+        self.caller, self.deadline, self.memo = caller, deadline, memo
         self.path = urlsplit(uri).path or "/"
-        self.http = _HTTPConnection(*address_of(uri, "http"), deadline)
+        self.http = http.client.HTTPConnection(*address_of(uri, "http"))
 
     def __enter__(self) -> Api:
         return self
@@ -247,6 +237,8 @@ class Api:
         return self.memo.parsed(body, text) if self.memo else _parsed(text)
 
     def _post(self, body: bytes) -> http.client.HTTPResponse:
+        if self.http.sock is None:
+            self.http.sock = connect(self.http.host, self.http.port, self.deadline)
         self.http.request("POST", self.path, body, {"Content-Type": "text/xml", "User-Agent": "rosops.fleet"})
         return self.http.getresponse()
 

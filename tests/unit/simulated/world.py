@@ -634,7 +634,7 @@ class SimulatedHost:
             assert rate_seconds or not nodes
             heard = sim.graph().heard(nodes)
             rates = sim.rates(heard, dict.fromkeys(heard.topics, rate_seconds)) if nodes else {}
-            return graph_from(graph_data(sim.graph().measured(rates)))
+            return graph_from(graph_data(sim.graph().measured(rates, {})))
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         sim, actions = self.sim, calm.actions

@@ -377,7 +377,7 @@ def test_it_owes_the_rates_that_were_measured_of_the_pod_before(beside: Beside) 
     def measured(graph: Graph, nodes: Sequence[str]) -> Graph:
         assert list(nodes) == [OLD]
         key = graph.node(OLD).key
-        return graph.measured({"/out": Rate(200.0, 200, 1.0, by={key: Rate(200.0, 200, 1.0, known=200.0)})})
+        return graph.measured({"/out": Rate(200.0, 200, 1.0, by={key: Rate(200.0, 200, 1.0, known=200.0)})}, {})
 
     assert "/out: 100 Hz" in renewed(beside, measured=measured).replace("100.0 Hz", "100 Hz")
     beside.hz["/out"] = 190.0
