@@ -49,7 +49,7 @@ def start(scene: ExporterScene) -> list[str]:
     scene.start("listener", "/fourth", "/topic_2")
     scene.start("service", "/helper")
     scene.start("server", "/worker")
-    scene.start("client", "/boss", "/work", "1", "0", "1000")
+    scene.start("client", "/boss", "/work", "1", "1000")
     return [*names, "/third", "/fourth"]
 
 

@@ -137,19 +137,22 @@ def caller(log: Log, name: str = "/trigger", persistent: str = "") -> None:
         time.sleep(0.05)
 
 
-def server(log: Log, action: str = "/work") -> None:
-    """Executes each goal for as many milliseconds as it says in its lowest five digits."""
+def executed(log: Log, goal: int, is_over: Callable[[], bool]) -> bool:
+    """As many milliseconds as the goal says in its lowest five digits; whether it came to its end."""
+    log(start=goal)
+    end = time.monotonic() + goal % 100000 / 1000
+    while time.monotonic() < end:
+        if is_over():
+            log(broken=goal)
+            return False
+        time.sleep(0.002)
+    return True
 
+
+def server(log: Log, action: str = "/work") -> None:
     def execute(goal: Any) -> None:
-        log(start=goal.goal)
-        end = time.monotonic() + goal.goal % 100000 / 1000
-        while time.monotonic() < end:
-            if rospy.is_shutdown() or acting.is_preempt_requested():
-                log(broken=goal.goal)
-                acting.set_preempted(TestResult(goal.goal))
-                return
-            time.sleep(0.002)
-        acting.set_succeeded(TestResult(goal.goal))
+        good = executed(log, goal.goal, lambda: rospy.is_shutdown() or acting.is_preempt_requested())
+        (acting.set_succeeded if good else acting.set_preempted)(TestResult(goal.goal))
 
     acting = actionlib.SimpleActionServer(action, TestAction, execute, auto_start=False)
     acting.start()
@@ -162,14 +165,8 @@ def pool(log: Log, action: str = "/work") -> None:
 
     def execute(handle: Any) -> None:
         goal = handle.get_goal().goal
-        log(start=goal)
-        end = time.monotonic() + goal % 100000 / 1000
-        while time.monotonic() < end:
-            if rospy.is_shutdown():
-                log(broken=goal)
-                return
-            time.sleep(0.002)
-        handle.set_succeeded(TestResult(goal))
+        if executed(log, goal, rospy.is_shutdown):
+            handle.set_succeeded(TestResult(goal))
 
     def accept(handle: Any) -> None:
         handle.set_accepted()
@@ -180,16 +177,21 @@ def pool(log: Log, action: str = "/work") -> None:
     rospy.spin()
 
 
-def client(log: Log, action: str = "/work", first: str = "1", count: str = "0", milliseconds: str = "20") -> None:
-    """Numbered goals, each waited for; `count` 0: until told to stop."""
+def acting_client(log: Log, action: str) -> tuple[Any, list[int]]:
+    """A client, and what it was told by SIGUSR1."""
     acting = actionlib.SimpleActionClient(action, TestAction)
     acting.wait_for_server()
     log(up=True)
     told: list[int] = []  # no Event: one that is told in the middle of its own wait() waits for itself
     signal.signal(signal.SIGUSR1, lambda received, _frame: told.append(received))
+    return acting, told
+
+
+def client(log: Log, action: str = "/work", first: str = "1", milliseconds: str = "20") -> None:
+    """Numbered goals, each waited for, until told to stop."""
+    acting, told = acting_client(log, action)
     number = int(first)
-    end = number + int(count) if int(count) else 1 << 62
-    while number < end and not told and not rospy.is_shutdown():
+    while not told and not rospy.is_shutdown():
         acting.send_goal(TestGoal(number * 100000 + int(milliseconds)))
         done = acting.wait_for_result(rospy.Duration(60))
         log(goal=number, done=done, state=acting.get_state())
@@ -199,11 +201,7 @@ def client(log: Log, action: str = "/work", first: str = "1", count: str = "0", 
 
 def canceller(log: Log, action: str = "/work") -> None:
     """One goal, cancelled half a second later."""
-    acting = actionlib.SimpleActionClient(action, TestAction)
-    acting.wait_for_server()
-    log(up=True)
-    told: list[int] = []
-    signal.signal(signal.SIGUSR1, lambda received, _frame: told.append(received))
+    acting, told = acting_client(log, action)
     while not told:
         time.sleep(0.05)
     acting.send_goal(TestGoal(77700500))
@@ -293,17 +291,9 @@ def camera(log: Log) -> None:
     chatter(log, "20")
 
 
-KINDS: dict[str, Callable[..., None]] = {
-    function.__name__: function
-    for function in (
-        talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller, hearer,
-        counted, points, chatter, robot, camera,
-    )
-}  # fmt: skip
-
 if __name__ == "__main__":
     kind, name, path, *words = sys.argv[1:]
     faulthandler.register(signal.SIGUSR2)  # a test that failed asks where the threads are
     # no /rosout: the master under test has nobody who listens to it
     rospy.init_node(name, disable_rosout=True, disable_signals=kind in ("client", "canceller"))
-    KINDS[kind](Log(path), *words)
+    globals()[kind](Log(path), *words)  # one of the functions above

@@ -51,7 +51,7 @@ def begin(scene: Scene, kind: str = "server", **clients: tuple[str, str]) -> Ser
     server = Server(scene, kind)
     until("the server", lambda: SERVER in scene.registered())
     for name, (first, milliseconds) in clients.items():
-        scene.start("client", f"/{name}", ACTION, first, "0", milliseconds)
+        scene.start("client", f"/{name}", ACTION, first, milliseconds)
         until(f"goals of {name}", lambda name=name: len(goals(scene, name)) > 2)  # type: ignore[misc]
     return server
 
@@ -95,7 +95,7 @@ def test_several_clients(scene: Scene) -> None:
     server = begin(scene, "pool", a=("1000", "100"), b=("4000", "150"), c=("7000", "230"))
     for turn in range(HANDOVERS // 4):
         server.stop()
-        scene.start("client", f"/late_{turn}", ACTION, str(10000 + 2000 * turn), "0", "200")  # and one more each time
+        scene.start("client", f"/late_{turn}", ACTION, str(10000 + 2000 * turn), "200")  # and one more each time
         until("the newcomer", lambda turn=turn: f"/late_{turn}" in scene.registered())  # type: ignore[misc]
         server.start()
         let_go(scene)

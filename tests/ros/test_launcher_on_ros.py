@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 import xmlrpc.client
-from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -171,26 +170,18 @@ def test_how_processes_ended_is_remembered(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "status", "words"),
+    ("words", "status", "said"),
     [
-        (("required.launch",), 7, ()),
-        (
-            ("missing.launch",),
-            1,
-            ("rosops.fleet: absent could not be started: cannot launch node of type [made/nothing]",),
-        ),
-        (("nowhere.launch",), 1, ("nowhere.launch",)),
-        (
-            ("--overlap", "--replace=other", "two.launch"),
-            1,
-            ("launch.replace names other, which is none of its nodes",),
-        ),
+        (["required.launch"], 7, ""),
+        (["missing.launch"], 1, "rosops.fleet: absent could not be started: cannot launch node of type [made/nothing]"),
+        (["nowhere.launch"], 1, "nowhere.launch"),
+        (["--overlap", "--replace=other", "two.launch"], 1, "launch.replace names other, which is none of its nodes"),
     ],
 )
-def test_what_goes_wrong_ends_it(scene: Scene, file: Iterable[str], status: int, words: Iterable[str]) -> None:
-    start(scene, ONE, "--package=made", *file)
+def test_what_goes_wrong_ends_it(scene: Scene, words: list[str], status: int, said: str) -> None:
+    start(scene, ONE, "--package=made", *words)
     assert scene.processes[ONE].wait(20) == status
-    assert all(word in scene.said(ONE) for word in words), scene.said(ONE)
+    assert said in scene.said(ONE)
 
 
 def test_a_deaf_node_costs_seconds(scene: Scene) -> None:

@@ -6,10 +6,10 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, around, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, around
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import names_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import MODULE_UTILS
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_state
 from imports import imported
 
 ANSWERS = {"arrivals", "graph", "graph_json", "names", "conditions", "checks", "contract", "gate", "backend"}
@@ -34,13 +34,6 @@ def test_a_server_is_one_node_with_all_of_it() -> None:
     )
     assert list(state.graph.actions) == ["/y"]
     assert (state.servers("/y"), state.servers("/x")) == (("/b",), ())
-
-
-def test_everything_asks_every_node_service_and_action() -> None:
-    wanted = everything(recorded_state())
-    assert wanted.nodes == dict.fromkeys([*recorded("nodes"), DEAD], frozenset({"bus"}))
-    assert "/trigger" in wanted.services
-    assert wanted.actions == ("/work",)
 
 
 def test_a_part_of_the_graph_asks_those_around_its_nodes() -> None:

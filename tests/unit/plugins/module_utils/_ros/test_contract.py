@@ -186,11 +186,6 @@ def test_which_connections_are_owed(  # noqa: PLR0913 - the table's columns
         (graph(), [OLD], ALONE, None, "/latched", {
             "type": "", "md5sum": "5" * 32, "publishers": {NEW: {"rate": None}},
         }),
-        (graph(), [STATS_OLD], BOTH, None, "/mean", {"publishers": {STATS_NEW: {"rate": 10.0}}}),
-        (changed(temperature=topic([OLD], [], rates={OLD: 0.9})), [OLD], {}, None, "/temperature", {
-            "publishers": {OLD: {"rate": 0.9}},
-        }),
-        (changed(temperature=topic([OLD], [])), [OLD], {}, None, "/temperature", {"publishers": {OLD: {"rate": None}}}),
         (graph(), [OLD], BOTH, MOVED, "/temp", {"publishers": {NEW: {"rate": 499.8}}}),
         # an action's topics promise no rate
         (graph(), [OLD], {}, None, "/cook/status", {"publishers": {OLD: {"rate": None}}}),
