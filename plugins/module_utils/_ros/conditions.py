@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the ROS graph must show: the options, their checks, and the conditions made of them.
-
-Pure.
-"""
+"""What the ROS graph must show: the options, their checks, and the conditions made of them. Pure."""
 
 from __future__ import annotations
 

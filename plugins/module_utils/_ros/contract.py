@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contract of an update: what an app is to the ROS graph before it, in the names that hold after it.
+"""The contract of an update: what an app is to the ROS graph before it, in the names that hold after it. Pure.
 
 `record` takes it down from a graph; `conditions` says it again as options of ros_ready. `Contract.as_dict` is what lies
 in the cluster, where pods and keepers of other versions of the collection read it, too.
@@ -11,8 +11,6 @@ Left out, because their absence afterwards is no loss:
 * nodes that did not answer, and tools that somebody has open (rostopic, rqt, rviz and others with an anonymous name):
   they come and go by themselves;
 * edges over a renamed private topic to a node that is not renamed along: it goes on asking for the old name.
-
-Pure.
 """
 
 from __future__ import annotations

@@ -67,7 +67,9 @@ def graph_from(data: Document) -> Graph:
         return Action(name, _text(one.get("type")), servers, clients, _statuses_of(one, servers))
 
     def service(name: str, one: Document) -> Service:
-        return Service(name, keys(one.get("providers")), _probe_of(one))
+        said = {part: _text(one.get(part)) for part in ("uri", "provider", "type", "error", "md5sum")}
+        asked = one.get("up", bool(said["uri"])) or said["error"]
+        return Service(name, keys(one.get("providers")), ServiceProbe(**said) if asked else None)
 
     return Graph(
         {node.key: node for node in nodes.values()},
@@ -127,11 +129,6 @@ def _topic_data(topic: Topic, definitions: bool) -> Data:
 def _service_data(service: Service) -> Data:
     said = asdict(service.said)
     return {"providers": names_of(service.providers), **said, "up": service.up}
-
-
-def _probe_of(data: Document) -> ServiceProbe | None:
-    parts = {part: _text(data.get(part)) for part in ("uri", "provider", "type", "error", "md5sum")}
-    return ServiceProbe(**parts) if data.get("up", bool(parts["uri"])) or parts["error"] else None
 
 
 def _action_data(action: Action) -> Data:

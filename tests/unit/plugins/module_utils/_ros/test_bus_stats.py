@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -27,12 +28,24 @@ TALK = ("/chatter", OUT)
 HEAR = ("/chatter", IN)
 
 
-def rospy(*rows: list[Any], topic: str = "/chatter") -> Stats:
-    return stats([1, "", [[[topic, 0, list(rows)]], [], []]])
+def raw(library: str, links: Iterable[tuple[int, int]], way: str, topic: str, size: int) -> Any:
+    """What a node answers of one topic, with (connection, messages) of each of its links."""
+    if way == IN:
+        entry: list[Any] = [topic, [[number, size * count, count, -1, True] for number, count in links]]
+    elif library == "rospy":
+        entry = [topic, 0, [[number, size * count, count, True] for number, count in links]]
+    else:
+        entry = [topic, [[number, size * count, 0, count, 0] for number, count in links]]
+    value = [[entry], []] if way == OUT else [[], [entry]]
+    return [1, "", [*value, []]] if library == "rospy" else value
 
 
-def roscpp(*rows: list[Any]) -> Stats:
-    return stats([[["/chatter", list(rows)]], []])
+def rospy(*links: tuple[int, int], way: str = OUT, topic: str = "/chatter", size: int = 8) -> Stats:
+    return stats(raw("rospy", links, way, topic, size))
+
+
+def roscpp(*links: tuple[int, int], way: str = OUT, size: int = 8) -> Stats:
+    return stats(raw("roscpp", links, way, "/chatter", size))
 
 
 def after(*replies: Stats, fresh: bool = False) -> Counted:
@@ -80,39 +93,25 @@ def test_rows_without_sense_are_left_out(entry: Any) -> None:
 # ---- counting
 
 
-def heard(*rows: tuple[int, int]) -> Stats:
-    """What rospy's node got over connections."""
-    return stats([1, "", [[], [["/chatter", [[number, count * 10, count, -1, True] for number, count in rows]]], []]])
-
-
-def heard_by_roscpp(connection: int, messages: int) -> Stats:
-    return stats([[], [["/chatter", [[connection, messages * 9, messages, 0, 0]]]]])
-
-
-def sent(*rows: tuple[int, int]) -> Stats:
-    """What rospy's node sent over connections."""
-    return rospy(*([number, 0, count, True] for number, count in rows))
-
-
 @pytest.mark.parametrize(
     ("replies", "flow", "messages"),
     [
         # a restarted exporter must not count again
-        ([sent((1, 500))], TALK, 0),
-        ([sent((1, 500)), sent((1, 510))], TALK, 10),
+        ([rospy((1, 500))], TALK, 0),
+        ([rospy((1, 500)), rospy((1, 510))], TALK, 10),
         # a message to three subscribers is one, messages of two publishers are two
-        ([sent((1, 0), (2, 0), (3, 0)), sent((1, 10), (2, 9), (3, 10))], TALK, 10),
-        ([heard((1, 5), (2, 5)), heard((1, 9), (2, 9))], HEAR, 8),
+        ([rospy((1, 0), (2, 0), (3, 0)), rospy((1, 10), (2, 9), (3, 10))], TALK, 10),
+        ([rospy((1, 5), (2, 5), way=IN), rospy((1, 9), (2, 9), way=IN)], HEAR, 8),
         # a late subscriber adds nothing that others had
-        ([sent((1, 100)), sent((1, 150), (2, 20))], TALK, 50),
+        ([rospy((1, 100)), rospy((1, 150), (2, 20))], TALK, 50),
         # the fastest connection leaves: what is left goes on from its own count, nothing falls back
-        ([sent((1, 100), (2, 10)), sent((1, 150), (2, 60)), sent((2, 70)), sent((2, 75))], TALK, 50 + 10 + 5),
+        ([rospy((1, 100), (2, 10)), rospy((1, 150), (2, 60)), rospy((2, 70)), rospy((2, 75))], TALK, 50 + 10 + 5),
         # a connection that comes back is another
-        ([sent((1, 100)), rospy(), sent((4, 3)), sent((4, 8))], TALK, 8),
+        ([rospy((1, 100)), rospy(), rospy((4, 3)), rospy((4, 8))], TALK, 8),
         # of two publishers roscpp shows the last one's connection; when that ends the first one's, which is not new
-        ([heard_by_roscpp(*row) for row in ((1, 5000), (1, 5010), (4, 20), (4, 50), (1, 9000), (1, 9007))], HEAR, 67),
+        ([roscpp(row, way=IN) for row in ((1, 5000), (1, 5010), (4, 20), (4, 50), (1, 9000), (1, 9007))], HEAR, 67),
         # rospy's counts do not wrap
-        ([sent((1, 100)), sent((1, 40))], TALK, 40),
+        ([rospy((1, 100)), rospy((1, 40))], TALK, 40),
     ],
 )
 def test_how_many_messages_there_were(replies: list[Stats], flow: tuple[str, str], messages: int) -> None:
@@ -120,18 +119,18 @@ def test_how_many_messages_there_were(replies: list[Stats], flow: tuple[str, str
 
 
 def test_bytes_are_those_of_all_connections() -> None:
-    before, now = rospy([1, 0, 0, True], [2, 0, 0, True]), rospy([1, 100, 10, True], [2, 90, 9, True])
+    before, now = rospy((1, 0), (2, 0)), rospy((1, 10), (2, 9), size=10)
     assert after(before, now).totals[TALK] == Count(10, 190)
     # a node that is younger than the last look counts whole
-    assert after(rospy([1, 9000, 500, True]), fresh=True).totals[TALK] == Count(500, 9000)
+    assert after(rospy((1, 500), size=18), fresh=True).totals[TALK] == Count(500, 9000)
 
 
 def test_another_process_counts_from_nothing() -> None:
-    before = after(rospy([1, 0, 100, True]), rospy([1, 0, 150, True]))
-    found = advance(before, (ME[0], 8), rospy([1, 0, 140, True]), fresh=True)
+    before = after(rospy((1, 100)), rospy((1, 150)))
+    found = advance(before, (ME[0], 8), rospy((1, 140)), fresh=True)
     assert found.totals[TALK].messages == 50 + 140
     # the same id and a greater count, but of another process: no continuation of the old one
-    found = advance(before, (ME[0], 8), rospy([1, 0, 160, True]), fresh=True)
+    found = advance(before, (ME[0], 8), rospy((1, 160)), fresh=True)
     assert found.totals[TALK].messages == 50 + 160
 
 
@@ -147,14 +146,14 @@ def test_another_process_counts_from_nothing() -> None:
     ],
 )
 def test_roscpps_counts_wrap(before: int, now: int, step: int) -> None:
-    found = after(roscpp([1, before, 0, before, 0]), roscpp([1, now, 0, now, 0]))
+    found = after(roscpp((1, before), size=1), roscpp((1, now), size=1))
     assert found.totals[TALK] == Count(step, step)
 
 
 def test_who_has_no_connection_counts_nothing_and_our_own_are_not_the_nodes() -> None:
     assert after(rospy(), rospy()).totals == {TALK: Count(0, 0)}
-    assert after(rospy([1, 0, 5, True]), rospy(topic="/other")).totals == {("/other", OUT): Count()}
-    found = advance(after(rospy()), ME, rospy([9, 700, 7, True]), False, ignored=[9])
+    assert after(rospy((1, 5)), rospy(topic="/other")).totals == {("/other", OUT): Count()}
+    found = advance(after(rospy()), ME, rospy((9, 7)), False, ignored=[9])
     assert found.totals[TALK] == Count(0, 0)
 
 
@@ -173,13 +172,6 @@ class Clock:
         self.now += seconds
 
 
-def reply(library: str, links: list[tuple[int, int]]) -> Any:
-    """(connection, messages) of one publisher of /scan."""
-    if library == "rospy":
-        return [1, "", [[["/scan", 0, [[number, 8 * count, count, True] for number, count in links]]], [], []]]
-    return [[["/scan", [[number, 12, 8, count, 0] for number, count in links]]], [], []]
-
-
 def measured(peers: Peers, monkeypatch: pytest.MonkeyPatch, *uris: str) -> Rate | None:
     """The rate of /scan that these nodes publish. Only getBusStats is answered: whoever subscribes would be refused."""
     monkeypatch.setattr(bus_stats, "time", Clock())
@@ -191,7 +183,7 @@ def measured(peers: Peers, monkeypatch: pytest.MonkeyPatch, *uris: str) -> Rate 
 
 
 def node(peers: Peers, library: str, *looks: list[tuple[int, int]]) -> str:
-    replies = [reply(library, links) for links in looks]
+    replies = [raw(library, links, OUT, "/scan", 1) for links in looks]
     return peers.api("node", {"getBusStats": lambda *_: replies.pop(0)})
 
 

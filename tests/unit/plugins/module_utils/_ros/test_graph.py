@@ -7,7 +7,6 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
@@ -19,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Topic,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph_json import graph_data, graph_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 
 REVISION, STATUS = "/cam_1a2b3c4d", StatusReading(((3,), (3, 1)))
@@ -91,21 +90,6 @@ def test_the_graph_by_the_names_of_revisions() -> None:
         (REVISION, two.uri),
     ]
     assert found.topics["/image"].rates == {NodeKey(REVISION, two.uri): 5.0}
-
-
-def test_a_node_that_answers_later_takes_its_place_everywhere() -> None:
-    state = MasterState(
-        {"/t": ("/p", "/q"), "/x/status": ("/p",)},
-        {"/t": ("/a",), "/x/goal": ("/p",), "/x/cancel": ("/p",)},
-        {"/s": ("/p",)},
-    )
-    first = build(state, {"/q": NodeAnswer("http://q:1/", 1, bus=[[1, "/a", "o", "TCPROS", "/t", True]])})
-    later = build(state, {name: NodeAnswer(f"http://{name[1:]}:1/", 2) for name in ("/p", "/a")})
-    graph = first.answered(map(later.node, ("/p", "/a")))
-    p, q, a = (NodeKey(f"/{name}", f"http://{name}:1/") for name in "pqa")
-    assert set(graph.nodes) == {p, q, a}
-    assert graph.topics["/t"] == Topic("/t", "", (p, q), (a,), ((q, a),))
-    assert (graph.services["/s"].providers, graph.actions["/x"].servers) == ((p,), (p,))
 
 
 def test_two_nodes_may_have_one_name() -> None:
