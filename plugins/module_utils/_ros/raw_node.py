@@ -82,9 +82,8 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     def _page(self) -> Page | None:
         """That of the path, or of the longest directory above it."""
         path = self.path.partition("?")[0]
-        above = [f"{path[: place + 1]}" for place, letter in enumerate(path) if letter == "/"]
-        found = [self.server.pages[one] for one in (path, *reversed(above)) if one in self.server.pages]
-        return found[0] if found else None
+        fitting = [one for one in self.server.pages if one == path or (one.endswith("/") and path.startswith(one))]
+        return self.server.pages[max(fitting, key=len)] if fitting else None
 
     def _shown(self, page: Page) -> Said:
         try:
