@@ -190,11 +190,6 @@ def conditions_from(params: Document) -> Conditions:
     return found
 
 
-def _given(kind: type, item: Document) -> Data:
-    """What an item says of a condition; an option that was left out is None in it."""
-    return {one.name: item[one.name] for one in fields(kind) if item.get(one.name) not in (None, "")}
-
-
 class _Reader:
     """Reads options, and notes what is wrong with them. Choices are the argument spec's."""
 
@@ -232,10 +227,12 @@ class _Reader:
             self.errors.append(f"{path}.type: {item['type']!r} is not a message type (package/Type)")
         for key in ("publishers", "subscribers", "min_rate"):
             self.number(f"{path}.{key}", item.get(key))
-        names = {"name": self.name(f"{path}.name", item.get("name"))}
-        if item.get("publisher"):
-            names["publisher"] = self.name(f"{path}.publisher", item["publisher"])
-        return TopicCondition(**{**_given(TopicCondition, item), **names})
+        # an option that was left out is None
+        found = {one.name: item[one.name] for one in fields(TopicCondition) if item.get(one.name) not in (None, "")}
+        found["name"] = self.name(f"{path}.name", item.get("name"))
+        if "publisher" in found:
+            found["publisher"] = self.name(f"{path}.publisher", item["publisher"])
+        return TopicCondition(**found)
 
     def action(self, path: str, item: Document) -> ActionCondition:
         server = self.name(f"{path}.server", item["server"]) if item.get("server") else ""

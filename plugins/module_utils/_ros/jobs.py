@@ -23,7 +23,7 @@ from .gate import Look, Silence, look
 from .graph import Graph, Rate, host_of
 from .graph_json import graph_data
 from .listener import Listener
-from .roslaunch import children, row
+from .roslaunch import children, crash
 
 INFO_ARGS: dict[str, Data] = {
     "nodes": {"type": "list", "elements": "str", "default": []},
@@ -77,7 +77,7 @@ def _launched(ros: Ros1Client, found: Graph, params: Arguments) -> list[Data]:
     """
     wanted = [node for name in params["nodes"] or found.names for node in found.named(name)]
     hosts = {*params["launch_hosts"], *(host_of(node.uri) for node in wanted)}
-    return [row(child, found) for child in children(ros, hosts)]
+    return [{**asdict(one), "node": one.node, "crash": crash(one, found)} for one in children(ros, hosts)]
 
 
 def _rates(ros: Ros1Client, heard: Graph, params: Arguments) -> dict[str, Rate]:

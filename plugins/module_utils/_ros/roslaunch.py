@@ -15,11 +15,10 @@ from __future__ import annotations
 
 import re
 import signal
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Callable, Container, Iterable, Mapping
 
-from .._common.documents import Data
 from .graph import Graph, host_of
 from .replies import rows, unwrap
 from .rpc import MAX_THREADS, Api, Deadline, Master, in_parallel
@@ -72,11 +71,6 @@ def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is fr
     return " and ".join(part for part in (again, ended) if part)
 
 
-def row(child: Child, graph: Graph) -> Data:
-    """A process as JSON-able data, with its node's name and what is wrong with it."""
-    return {**asdict(child), "node": child.node, "crash": crash(child, graph)}
-
-
 def how(exit_code: int) -> str:
     """
     >>> how(3), how(-11)
@@ -100,19 +94,15 @@ def children(ros: Master, hosts: Container[str] | None = None, at_once: int = MA
     the master's time-out, has no processes here. No more than so many are asked `at_once`. RosError where the master
     does not answer.
     """
-    known = servers(ros.calls([("getParam", ros.caller, URIS)])[0], hosts)
+    told = ros.calls([("getParam", ros.caller, URIS)])[0]  # a RosError where there is none
+    uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else ()
     tasks: dict[Any, Callable[[], list[Child]]] = {
-        uri: partial(_ask, uri, host, ros.caller, ros.timeout) for uri, host in known.items()
+        uri: partial(_ask, uri, host_of(uri), ros.caller, ros.timeout)
+        for uri in uris
+        if hosts is None or host_of(uri) in hosts
     }
     answers = in_parallel(tasks, ros.timeout, lambda _uri, _error: [], at_once)
     return sorted((child for part in answers.values() for child in part), key=lambda child: (child.host, child.name))
-
-
-def servers(told: Any, hosts: Container[str] | None = None) -> dict[str, str]:
-    """URI -> its host, of the master's word on `URIS`: a dictionary, or the RosError that there is none."""
-    uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else set()
-    hosts_of = {uri: host_of(uri) for uri in sorted(uris)}
-    return {uri: host for uri, host in hosts_of.items() if host and (hosts is None or host in hosts)}
 
 
 def _ask(uri: str, host: str, caller: str, seconds: float) -> list[Child]:

@@ -8,16 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import (
     URIS,
     Child,
-    child_of,
     children,
     crash,
     processes,
-    servers,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Master
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
@@ -67,41 +64,9 @@ def test_who_leaves_its_registration_behind_has_not_done_its_work(child: Child, 
     assert crash(child, graph) == ("died, as its registration is still there" if died else "")
 
 
-def test_whose_servers() -> None:
-    told = {
-        "host_10_42_0_7__40001": "http://10.42.0.7:40001/",
-        "host_10_42_0_7__40002": "http://10.42.0.7:40002/",
-        "host_10_42_0_8__40001": "http://10.42.0.8:40001/",
-        "odd": 7,
-        "none": "no address",
-        "broken": "http://[/",
-    }
-    assert servers(told) == {told[key]: told[key][7:16] for key in list(told)[:3]}
-    assert list(servers(told, {"10.42.0.8"})) == ["http://10.42.0.8:40001/"]
-    assert servers(told, ()) == {}
-    assert servers(RosError("Parameter [/roslaunch/uris] is not set")) == {}
-    assert servers("http://10.42.0.7:40001/") == {}  # somebody's own parameter of that name
-
-
 @pytest.mark.parametrize("listed", [None, "no", [], [None], [[["a"], [7, 1], ["b", "c"], None]], [7, [[]]]])
 def test_a_list_that_is_none(listed: Any) -> None:
     assert list(processes(listed)) == []
-
-
-@pytest.mark.parametrize(
-    ("minded", "info", "expected"),
-    [
-        (True, {"env": {"TOKEN": "hush"}, "args": ["x"], "alive": True, "respawn": True, "required": True, "pid": 7},
-         Child("a-1", POD, True, None, True, True, 1)),
-        # it is to be started again
-        (True, {"alive": False, "exit_code": 5, "respawn": True}, Child("a-1", POD, False, 5, True, False, 1)),
-        # roslaunch has forgotten it
-        *((False, info, Child("a-1", POD, False, None, False, False, 1))
-          for info in (RosError("no process by that name"), None, {"exit_code": "3", "respawn": "no"})),
-    ],
-)  # fmt: skip
-def test_what_a_process_is_and_nothing_else(minded: bool, info: Any, expected: Child) -> None:
-    assert child_of(POD, "a-1", minded, 1, info) == expected
 
 
 # ---- asking
@@ -126,15 +91,21 @@ def master(peers: Peers, told: Any, seconds: float = 1.0) -> Master:
 
 @pytest.mark.parametrize("multicall", [True, False])
 def test_all_are_asked(peers: Peers, multicall: bool) -> None:
-    lives = {"env": {}, "alive": True, "respawn": False, "required": True}
-    waits = {"env": {}, "alive": False, "respawn": True, "required": False, "exit_code": 4}
-    first = launched([[["lives-1", 1], ["waits-2", 3]], [["done-3", 1]]], {"lives-1": lives, "waits-2": waits})
+    infos = {
+        "lives-1": {"env": {"TOKEN": "hush"}, "alive": True, "respawn": False, "required": True, "pid": 7},
+        "waits-2": {"env": {}, "alive": False, "respawn": True, "exit_code": 4},
+        "odd-4": {"exit_code": "3", "respawn": "no"},
+        "odd-5": None,
+    }
+    first = launched([[["lives-1", 1], ["waits-2", 3]], [["done-3", 1], ["odd-4", 1], ["odd-5", 1]]], infos)
     servers_of = {"first": first, "second": launched([[], []])}
     told = {label: peers.api(label, answers, multicall, caller=False) for label, answers in servers_of.items()}
     found = children(master(peers, told))
     assert found == [
         Child("done-3", "127.0.0.1", False, None, False, False, 1),
         Child("lives-1", "127.0.0.1", True, None, False, True, 1),
+        Child("odd-4", "127.0.0.1", False, None, False, False, 1),
+        Child("odd-5", "127.0.0.1", False, None, False, False, 1),
         Child("waits-2", "127.0.0.1", False, 4, True, False, 3),
     ]
 
@@ -145,6 +116,7 @@ def test_those_that_are_gone_hang_or_talk_nonsense_keep_nobody_from_the_others(p
         "hung": f"http://127.0.0.1:{peers.hung()}/",
         "odd": peers.api("odd", {"list_processes": lambda: [-1, "uninitialized", 0]}),
         "worse": peers.api("worse", {"list_processes": lambda: "no"}),
+        **{"number": 7, "none": "no address", "broken": "http://[/"},
         **{f"dead{number}": f"http://127.0.0.1:{peers.dead()}/" for number in range(5)},
     }
     began = time.monotonic()
@@ -154,6 +126,7 @@ def test_those_that_are_gone_hang_or_talk_nonsense_keep_nobody_from_the_others(p
 
 def test_one_question_where_nobody_launched_anything_here(peers: Peers) -> None:
     assert children(master(peers, None)) == []
-    told = {"elsewhere": "http://10.42.0.9:40001/"}
-    assert children(master(peers, told), {"127.0.0.1"}) == []
-    assert peers.calls == [("master", "getParam"), ("master", "getParam")]
+    assert children(master(peers, "http://127.0.0.1:9/")) == []  # somebody's own parameter of that name
+    told = {"elsewhere": peers.api("elsewhere", launched([[["lives-1", 1]], []]))}
+    assert children(master(peers, told), {POD}) == []
+    assert peers.calls == 3 * [("master", "getParam")]
