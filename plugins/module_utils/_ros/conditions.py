@@ -176,11 +176,11 @@ def conditions_from(params: Document) -> Conditions:
     """Module options (or a probe's JSON) -> conditions. Every bad value is named in one error."""
     reader = _Reader(params)
     found = Conditions(
-        reader.names("nodes"),
+        reader.each("nodes", reader.name),
         reader.each("topics", reader.topic),
         reader.each("services", lambda path, item: reader.name(f"{path}.name", item.get("name"))),
         reader.each("actions", reader.action),
-        reader.names("absent"),
+        reader.each("absent", reader.name),
         reader.each("edges", reader.edge),
         reader.each("values", reader.value),
     )
@@ -215,9 +215,6 @@ class _Reader:
         hint = "; write a private name out as /node/name" if str(name).startswith("~") else ""
         self.errors.append(f"{path}: {name!r} is not a ROS name (letters, digits and _ between slashes{hint})")
         return ""
-
-    def names(self, option: str) -> tuple[str, ...]:
-        return self.each(option, self.name)
 
     def each(self, option: str, read: Callable[[str, Any], _Read]) -> tuple[_Read, ...]:
         return tuple(read(f"{option}[{i}]", item) for i, item in enumerate(self.params.get(option) or ()))

@@ -112,13 +112,6 @@ def evaluate(
     return [*checks, *(ears(graph) if ears else silent)]
 
 
-def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
-    """The checks when there is no master to ask: itself, and every condition as not known."""
-    unknown = evaluate(Graph(), conditions)
-    told = (Check(check.kind, check.name, WAIT, "not known without the master") for check in unknown)
-    return [Check("master", uri, WAIT, why), *told]
-
-
 # ---- one look
 
 
@@ -200,5 +193,7 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
             rates = ros.rates(graph.published_by(only), seconds) if seconds else {}
             _graph, _wanted, checks = seen(rates, handshakes(ros, graph, wanted))
     except RosError as error:
-        checks = without_master(ros.uri, str(error), conditions)
+        unknown = evaluate(Graph(), conditions)
+        told = (Check(check.kind, check.name, WAIT, "not known without the master") for check in unknown)
+        checks = [Check("master", ros.uri, WAIT, str(error)), *told]
     return Look(overall([check.verdict for check in checks]), checks)

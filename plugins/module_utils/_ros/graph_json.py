@@ -30,7 +30,10 @@ def graph_data(graph: Graph, definitions: bool = False) -> Data:
     return {
         "nodes": {name: _node_data(graph.node(name)) for name in graph.names},
         "topics": {name: _topic_data(topic, definitions) for name, topic in sorted(graph.topics.items())},
-        "services": {name: _service_data(service) for name, service in sorted(graph.services.items())},
+        "services": {
+            name: {"providers": names_of(one.providers), **asdict(one.said), "up": one.up}
+            for name, one in sorted(graph.services.items())
+        },
         "actions": {name: _action_data(action) for name, action in sorted(graph.actions.items())},
     }
 
@@ -124,11 +127,6 @@ def _topic_data(topic: Topic, definitions: bool) -> Data:
         "rate_error": topic.rate_error,
         **text,
     }
-
-
-def _service_data(service: Service) -> Data:
-    said = asdict(service.said)
-    return {"providers": names_of(service.providers), **said, "up": service.up}
 
 
 def _action_data(action: Action) -> Data:
