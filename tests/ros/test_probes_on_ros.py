@@ -35,16 +35,14 @@ class Pod:
         write_code(self.hooks)
         self.settings = json.dumps({**SETTINGS, "node": f"/{name}", **settings})
 
-    def environ(self) -> dict[str, str]:
-        return {
-            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.settings,
-            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision,
-        }  # fmt: skip
-
     def call(self, word: str) -> tuple[int, str]:
         python = os.environ.get("HOOK_PYTHON", PYTHON)
         command = [python, "-I", "-S", str(self.hooks / "run.py"), word]
-        done = subprocess.run(command, env=self.environ(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
+        env = {
+            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.settings,
+            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision,
+        }  # fmt: skip
+        done = subprocess.run(command, env=env, capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
         return done.returncode, done.stdout.strip() + done.stderr
 
     def forget(self) -> None:
