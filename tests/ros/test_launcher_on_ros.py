@@ -19,7 +19,7 @@ from scene import NODES, PYTHON, Scene, until
 
 pytestmark = pytest.mark.skipif(not shutil.which("roslaunch"), reason="no roslaunch here: Debian's python3-roslaunch")
 
-ONE, TWO = "11111111", "22222222"
+ONE, TWO, HERE = "11111111", "22222222", ["127.0.0.1"]
 LAUNCH = """<launch>
   <arg name="area" default="hall"/>
   <arg name="gain" default="1"/>
@@ -163,7 +163,7 @@ def test_how_processes_ended_is_remembered(scene: Scene) -> None:
     ros = Ros1Client(scene.uri, 5.0)
 
     def ended() -> dict[str, str]:
-        return {child.node: crash(child) for child in children(ros) if not child.alive}
+        return {child.node: crash(child) for child in children(ros, HERE) if not child.alive}
 
     until("their ends", lambda: set(ended()) == {"/three", "/zero"})
     assert ended() == {"/three": "ended with exit code 3", "/zero": ""}
@@ -186,7 +186,7 @@ def test_what_goes_wrong_ends_it(scene: Scene, words: list[str], status: int, sa
 
 def test_a_deaf_node_costs_seconds(scene: Scene) -> None:
     start(scene, ONE, "--package=made", "deaf.launch")
-    until("the node", lambda: [child.alive for child in children(Ros1Client(scene.uri, 5.0))] == [True])
+    until("the node", lambda: [child.alive for child in children(Ros1Client(scene.uri, 5.0), HERE)] == [True])
     assert end(scene, ONE) == 0
     assert "escalating to SIGKILL" in scene.said(ONE)
 
@@ -202,7 +202,7 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene) -> None:
     ros = Ros1Client(scene.uri, 5.0)
 
     def found() -> dict[str, Child]:
-        return {child.node: child for child in children(ros, {"127.0.0.1"})}
+        return {child.node: child for child in children(ros, HERE)}
 
     def ended() -> bool:
         now = found()

@@ -87,8 +87,8 @@ def how(exit_code: int) -> str:
 # ---- asking
 
 
-def children(ros: Master, hosts: Container[str] | None = None, at_once: int = MAX_THREADS) -> list[Child]:
-    """The processes of all roslaunch at these addresses (None: wherever they are), by host and name.
+def children(ros: Master, hosts: Container[str], at_once: int = MAX_THREADS) -> list[Child]:
+    """The processes of all roslaunch at these addresses, by host and name.
 
     One question to the master where nobody ever launched anything. A roslaunch that is gone, or does not answer within
     the master's time-out, has no processes here. No more than so many are asked `at_once`. RosError where the master
@@ -97,9 +97,7 @@ def children(ros: Master, hosts: Container[str] | None = None, at_once: int = MA
     told = ros.calls([("getParam", ros.caller, URIS)])[0]  # a RosError where there is none
     uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else ()
     tasks: dict[Any, Callable[[], list[Child]]] = {
-        uri: partial(_ask, uri, host_of(uri), ros.caller, ros.timeout)
-        for uri in uris
-        if hosts is None or host_of(uri) in hosts
+        uri: partial(_ask, uri, host_of(uri), ros.caller, ros.timeout) for uri in uris if host_of(uri) in hosts
     }
     answers = in_parallel(tasks, ros.timeout, lambda _uri, _error: [], at_once)
     return sorted((child for part in answers.values() for child in part), key=lambda child: (child.host, child.name))

@@ -19,7 +19,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Master
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
-POD = "10.42.0.7"
+HERE, POD = ["127.0.0.1"], "10.42.0.7"
 ALIVE = Child("arm/lidar-3", POD, True, None, False, False, 1)
 GONE = replace(ALIVE, alive=False)
 
@@ -100,7 +100,7 @@ def test_all_are_asked(peers: Peers, multicall: bool) -> None:
     first = launched([[["lives-1", 1], ["waits-2", 3]], [["done-3", 1], ["odd-4", 1], ["odd-5", 1]]], infos)
     servers_of = {"first": first, "second": launched([[], []])}
     told = {label: peers.api(label, answers, multicall, caller=False) for label, answers in servers_of.items()}
-    found = children(master(peers, told))
+    found = children(master(peers, told), HERE)
     assert found == [
         Child("done-3", "127.0.0.1", False, None, False, False, 1),
         Child("lives-1", "127.0.0.1", True, None, False, True, 1),
@@ -120,13 +120,13 @@ def test_those_that_are_gone_hang_or_talk_nonsense_keep_nobody_from_the_others(p
         **{f"dead{number}": f"http://127.0.0.1:{peers.dead()}/" for number in range(5)},
     }
     began = time.monotonic()
-    assert [child.name for child in children(master(peers, told, 0.5))] == ["lives-1"]
+    assert [child.name for child in children(master(peers, told, 0.5), HERE)] == ["lives-1"]
     assert time.monotonic() - began < 2
 
 
 def test_one_question_where_nobody_launched_anything_here(peers: Peers) -> None:
-    assert children(master(peers, None)) == []
-    assert children(master(peers, "http://127.0.0.1:9/")) == []  # somebody's own parameter of that name
+    assert children(master(peers, None), HERE) == []
+    assert children(master(peers, "http://127.0.0.1:9/"), HERE) == []  # somebody's own parameter of that name
     told = {"elsewhere": peers.api("elsewhere", launched([[["lives-1", 1]], []]))}
     assert children(master(peers, told), {POD}) == []
     assert peers.calls == 3 * [("master", "getParam")]
