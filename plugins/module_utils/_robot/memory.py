@@ -126,27 +126,21 @@ class Memory:
         `late`: who does not answer gets back what it had, until it says what it has. Not who had left before: its pod
         may be gone, and then nobody answers for it ever.
         """
-        asked = {node: answer for node, answer in answers.items() if not (late and self._may_be_gone(node, answer))}
-        calls = registrations.restore(need, present, asked, late)
+        silent = {node for node in need if answers[node].verdict == registrations.UNKNOWN}
+        asked = {node: entry for node, entry in need.items() if node not in silent & self.left}
+        calls = registrations.restore(asked, present, answers, late)
         restored = {(call.kind, call.node, call.name) for call in calls}
+        self.unsure.update(call.node for call in calls if call.node in silent)
         for node, entry in need.items():
-            answer = answers.get(node)
-            if answer is None or answer.verdict == registrations.UNKNOWN or node not in self.nodes:
-                if any(call.node == node for call in calls):
-                    self.unsure.add(node)
-                continue
-            if restarted and answer.verdict == registrations.DEAD:
+            if restarted and answers[node].verdict == registrations.DEAD:
                 self.bury(node, restarted)
-                continue
+            elif node not in silent:
 
-            def stays(kind: str, name: str, node: str = node, entry: Entry = entry) -> bool:
-                return name not in entry.part(kind) or (kind, node, name) in restored
+                def stays(kind: str, name: str, node: str = node, entry: Entry = entry) -> bool:
+                    return name not in entry.part(kind) or (kind, node, name) in restored
 
-            self._keep_only(node, stays)
+                self._keep_only(node, stays)
         return calls
-
-    def _may_be_gone(self, node: str, answer: Liveness) -> bool:
-        return node in self.left and answer.verdict == registrations.UNKNOWN
 
     def _keep_only(self, node: str, stays: Callable[[str, str], bool]) -> None:
         self.nodes[node] = self.nodes[node].only(stays)
@@ -171,8 +165,7 @@ class Memory:
         """Nodes to look at now: registered ones, those of which something is missing, and removed ones that might come
         back.
         """
-        for node in [node for node, (_entry, at) in self.removed.items() if now - at > MEMORY]:
-            del self.removed[node]
+        self.removed = {node: (entry, at) for node, (entry, at) in self.removed.items() if now - at <= MEMORY}
         everyone = {node: entry for node, (entry, _at) in self.removed.items()}
         everyone.update({node: self.nodes[node] for node in (*present, *self.missed) if node in self.nodes})
         found = {}
