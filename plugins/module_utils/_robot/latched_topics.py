@@ -130,8 +130,7 @@ class LatchedTopics:
             self.values[value.key] = value
 
     def _forget(self, value: Value) -> None:
-        if self.values.get(value.key) is value:
-            del self.values[value.key]
+        del self.values[value.key]
         with contextlib.suppress(OSError):
             (self.directory / value.file).unlink()
 
@@ -139,31 +138,7 @@ class LatchedTopics:
         with self.lock:  # a call that keeps more must not write the file at the same time
             self.files.save(PART, as_kept(self.values.values(), boot_of_host()))
 
-    # ---- subscribers, each in a thread of its own
-
-    def welcome(self, publication: Publication, sock: socket.socket, caller: str) -> None:
-        uri = ""
-        with contextlib.suppress(RosError):
-            uri = self.ros.addresses([caller])[0].get(caller, "")
-        with self.lock:
-            values = [value for value in self._of(publication.topic) if value.offered]
-            due = [value for value in values if value.is_due(caller, uri) and not publication.refusal(value.header)]
-            for value in values:
-                value.had[caller] = uri or value.had.get(caller, "")
-        try:
-            for value in due:
-                give(self.directory / value.file, sock, SEND_SECONDS)
-        except OSError:
-            self.left(publication, caller)
-            raise
-
-    def left(self, publication: Publication, caller: str) -> None:
-        """Who subscribes again has it no more."""
-        with self.lock:
-            for value in self._of(publication.topic):
-                value.had.pop(caller, None)
-
-    def _of(self, topic: str) -> list[Value]:
+    def of(self, topic: str) -> list[Value]:
         return [value for value in self.values.values() if value.topic == topic]
 
     # ---- the loop
@@ -252,12 +227,12 @@ class LatchedTopics:
         """Let go what has been followed by something newer; at once, as two of it would be there else."""
         with self.lock:
             for ear in self.ears.values():
-                for value in self._of(ear.topic):
+                for value in self.of(ear.topic):
                     other = ear.md5sum not in ("*", value.header["md5sum"])
                     if value.is_over(ear.uri, ear.heard or other, ear.news):
                         self.log(f"lets go what {value.node} latched on {value.topic}: {ear.uri} has its own")
                         self._forget(value)
-            followed = not all(map(self._of, self.given))
+            followed = not all(map(self.of, self.given))
         if followed:
             self._offer(None)
 
@@ -287,14 +262,30 @@ class LatchedTopics:
 
 
 class LatchedPublication(Publication):
-    """A topic on which each subscriber gets what is kept, and nothing more."""
+    """A topic on which each subscriber, in a thread of its own, gets what is kept, and nothing more."""
 
     def __init__(self, value: Value, owner: LatchedTopics) -> None:
         super().__init__(value.topic, {**value.header, "latching": "1"})
         self.owner = owner
 
     def welcome(self, sock: socket.socket, caller: str) -> None:
-        self.owner.welcome(self, sock, caller)
+        owner, uri = self.owner, ""
+        with contextlib.suppress(RosError):
+            uri = owner.ros.addresses([caller])[0].get(caller, "")
+        with owner.lock:
+            values = [value for value in owner.of(self.topic) if value.offered]
+            due = [value for value in values if value.is_due(caller, uri) and not self.refusal(value.header)]
+            for value in values:
+                value.had[caller] = uri or value.had.get(caller, "")
+        try:
+            for value in due:
+                give(owner.directory / value.file, sock, SEND_SECONDS)
+        except OSError:
+            self.left(caller)
+            raise
 
     def left(self, caller: str) -> None:
-        self.owner.left(self, caller)
+        """Who subscribes again has it no more."""
+        with self.owner.lock:
+            for value in self.owner.of(self.topic):
+                value.had.pop(caller, None)
