@@ -39,6 +39,7 @@ CANCEL_HEADER = dict(zip(FIELDS, (tcpros.CANCEL_TYPE, tcpros.CANCEL_MD5SUM, tcpr
 
 # what a stream is for
 GOALS, CANCELS, STATUS, TAKEN = "goal", "cancel", "status", "taken"  # a part of the action; its goals once more
+DECODERS: Mapping[str, Callable[[bytes], Any]] = {STATUS: tcpros.decode_status, CANCELS: tcpros.cancel_id}  # else goals
 
 Calls = Mapping[str, Callable[..., "list[Any]"]]  # each answers [code, message, value], as the slave API does
 OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
@@ -134,24 +135,20 @@ class Forwarder(threading.Thread):
         """A message: decoded before the lock is taken, as a busy server's status is long."""
         now = time.monotonic()
         try:
-            if role == STATUS:
-                listed = tcpros.decode_status(body)
-            elif role == CANCELS:
-                identity, stamp = tcpros.cancel_id(body)
-            else:
-                identity, stamp = tcpros.goal_id(body)
+            found = DECODERS.get(role, tcpros.goal_id)(body)
         except RosError as error:
             self.log(f"{uri} sent what is none of actionlib's messages: {error}")
             return
         with self.lock:
             if role == STATUS:
-                changed = bool(self.hold.status(uri, listed, now))
+                changed = bool(self.hold.status(uri, found, now))
             elif role == CANCELS:
-                meant = self.hold.cancel(identity, stamp)
+                meant = self.hold.cancel(*found)
                 changed = bool(meant)
                 for goal in meant:
                     self.log(f"{goal} was cancelled while it is held")
             else:
+                identity, stamp = found
                 alone = bool(self.hold.server) and uri not in self.senders
                 changed = self.hold.goal(Goal(identity, stamp, body, now, uri, alone))
             self.dirty = self.dirty or changed

@@ -128,8 +128,7 @@ def keep(slave: Slave, shown: exporter.Exporter, chosen: Mapping[str, str], code
         robot = Robot(calls["hold"], calls["release"], keeper.take_back, lambda: keeper.silence, holds.watch)
         watch = StepWatch(cluster, client, robot, kept, tell)
         slave.show(PATH, Door(holds, watch.left_over, keeper.is_whole).page)
-        beside.append(watch.run)
-        beside.append(all_gates(cluster, keeper, latched).run)
+        beside = [watch.run, all_gates(cluster, keeper, latched).run]
     slave.start()
     shown.start()
     for work in beside:
