@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import accumulate
 from typing import Any, Iterable, Mapping, NamedTuple, Sequence, Tuple
 
 from .._ros.names import ANONYMOUS
@@ -65,11 +66,7 @@ ROS = (
         "Whether a process that a launch file started is there; one that has done its work is not",
         "node",
     ),
-    (
-        "ros_launch_process_starts_total",
-        "How many times a launch file's process was started by its roslaunch",
-        "node",
-    ),
+    ("ros_launch_process_starts_total", "How many times a launch file's process was started by its roslaunch", "node"),
 )
 
 
@@ -111,15 +108,10 @@ def bounded(families: Iterable[Family], most: int = MOST) -> list[Family]:
     How many samples that are has a family of its own.
     """
     lasting = (one._replace(samples=[it for it in one.samples if not _is_passing(it[0])]) for one in families)
-    kept: list[Family] = []
-    room, left_out = most, 0
-    for one in sorted(lasting, key=lambda it: len(it.samples)):
-        size = len(one.samples)
-        if size <= room:
-            kept.append(one)
-            room -= size
-        else:
-            left_out += size
+    rising = sorted(lasting, key=lambda one: len(one.samples))
+    totals = accumulate(len(one.samples) for one in rising)
+    kept = [one for one, total in zip(rising, totals) if total <= most]
+    left_out = sum(len(one.samples) for one in rising[len(kept) :])
     about = "Samples of metrics that are left out, as there are more than the exporter shows"
     return [*kept, family(LEFT_OUT, about, "", {(): left_out})]
 

@@ -40,10 +40,6 @@ class Update:
     handoff: str
     outcome: str
 
-    @property
-    def last(self) -> float:
-        return self.finished or self.started or 0.0
-
 
 def parse(text: str) -> list[Update]:
     """The well-formed entries, one per app."""
@@ -70,8 +66,6 @@ def _update(entry: Document) -> Update:
 
 
 def families(updates: list[Update]) -> list[Family]:
-    """The latest update of each app."""
-
     def of(key: str) -> dict[str, float]:
         return {one.app: getattr(one, key) for one in updates if getattr(one, key) is not None}
 
@@ -93,8 +87,7 @@ class Updates:
     def __init__(self, path: str = FILE) -> None:
         self.path = path
         self.entries: list[Update] = []
-        self.said: set[tuple[str, str]] = set()
-        self.began = False
+        self.said: set[tuple[str, str]] | None = None  # None: nothing was read yet
 
     def read(self, now: float) -> list[str]:
         """Look at the file; the lines of log for what is new in it."""
@@ -105,8 +98,10 @@ class Updates:
             self.entries = []
         except (OSError, UnicodeError):
             return []  # being replaced: the next look will do
-        new = [entry for entry in self.entries if (entry.id, entry.outcome) not in self.said]
+        if self.said is None:
+            new = [one for one in self.entries if now - (one.finished or one.started or 0.0) < RECENT]
+        else:
+            new = [one for one in self.entries if (one.id, one.outcome) not in self.said]
         # only the latest: the record does not grow, and neither may this
-        self.said = {(entry.id, entry.outcome) for entry in self.entries}
-        first, self.began = not self.began, True
-        return [entry.line for entry in new if not first or now - entry.last < RECENT]
+        self.said = {(one.id, one.outcome) for one in self.entries}
+        return [one.line for one in new]
