@@ -15,14 +15,6 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import keeper, memory
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import (
-    AWAY,
-    LOOK,
-    QUIET,
-    REST,
-    Keeper,
-    Lifeline,
-)
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN, KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
@@ -137,8 +129,8 @@ class Bench:
         self.boot = "one"
         self.keeper = self.start()
 
-    def start(self) -> Keeper:
-        self.keeper = Keeper(
+    def start(self) -> keeper.Keeper:
+        self.keeper = keeper.Keeper(
             self.ros,  # type: ignore[arg-type]
             KeptFiles(str(self.directory), self.said.append),
             self.said.append,
@@ -147,7 +139,7 @@ class Bench:
         )
         return self.keeper
 
-    def step(self, seconds: float = LOOK) -> float:
+    def step(self, seconds: float = keeper.LOOK) -> float:
         """One look, and what it had others look at beside it."""
         pause = self.keeper.step()
         if self.keeper.probing is not None:
@@ -170,7 +162,7 @@ def bench(tmp_path: Path) -> Bench:
 
 
 def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> None:
-    assert bench.step() == LOOK
+    assert bench.step() == keeper.LOOK
     content = json.loads((bench.directory / "registrations.json").read_text())
     assert {node: entry["pid"] for node, entry in content["nodes"].items()} == {"/talker": 7, "/listener": 8}
     assert content["nodes"]["/talker"]["publications"] == {"/chatter": "std_msgs/String"}
@@ -179,7 +171,7 @@ def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> Non
 
 def test_its_clock_is_one_that_nobody_sets(tmp_path: Path) -> None:
     """One that is set back would keep it from looking at parameters and nodes until it has caught up."""
-    assert Keeper(Ros(), KeptFiles(str(tmp_path), print), print).now is time.monotonic  # type: ignore[arg-type]
+    assert keeper.Keeper(Ros(), KeptFiles(str(tmp_path), print), print).now is time.monotonic  # type: ignore[arg-type]
 
 
 def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench) -> None:
@@ -208,9 +200,7 @@ def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench
     assert set(bench.registered()) == {"/talker", "/listener"}
 
 
-def test_a_parameter_that_changes_is_on_record_in_seconds_and_in_a_minute_where_nobody_tells(
-    bench: Bench,
-) -> None:
+def test_a_parameter_that_changes_is_on_record_in_seconds_and_in_a_minute_where_nobody_tells(bench: Bench) -> None:
     """A master that goes a moment later would take it with it."""
     bench.keeper.uri = "http://keeper/"
     bench.step()
@@ -253,20 +243,20 @@ def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> N
 
 def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(bench: Bench) -> None:
     bench.keeper.held = lambda: True
-    while bench.at - 1000 < QUIET:
-        assert bench.step() == LOOK
-    assert bench.step(REST) == REST
+    while bench.at - 1000 < keeper.QUIET:
+        assert bench.step() == keeper.LOOK
+    assert bench.step(keeper.REST) == keeper.REST
     bench.keeper.held = lambda: False
-    assert bench.step() == LOOK
+    assert bench.step() == keeper.LOOK
     bench.keeper.held = lambda: True
     bench.ros.entries["/third"] = bench.ros.nodes["/third"] = Entry("http://x:1/", 9, {"/more": "std_msgs/String"})
-    assert [bench.step() for _look in range(2)] == [LOOK, LOOK]
-    bench.steps(QUIET)
-    assert bench.step(REST) == REST
+    assert [bench.step() for _look in range(2)] == [keeper.LOOK, keeper.LOOK]
+    bench.steps(keeper.QUIET)
+    assert bench.step(keeper.REST) == keeper.REST
     del bench.ros.entries["/third"]  # its registrations are lost: that is looked into at once
-    assert bench.step() == LOOK
+    assert bench.step() == keeper.LOOK
     bench.ros.up = False
-    assert bench.step() == AWAY
+    assert bench.step() == keeper.AWAY
 
 
 def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Bench) -> None:
@@ -315,9 +305,9 @@ def test_a_large_graph_is_looked_at_less_often_and_a_restart_is_seen_at_once_all
 def test_a_master_that_is_away_is_said_once(bench: Bench) -> None:
     bench.step()
     bench.ros.up = False
-    assert [bench.step(), bench.step()] == [AWAY, AWAY]
+    assert [bench.step(), bench.step()] == [keeper.AWAY, keeper.AWAY]
     bench.ros.up = True
-    assert bench.step() == LOOK
+    assert bench.step() == keeper.LOOK
     assert bench.said == ["the master is away: the ROS master does not answer: nothing listens", "the master is back"]
 
 
@@ -458,7 +448,7 @@ def test_a_master_that_breaks_off_while_it_is_given_back_is_given_all_once_more(
 
     assert not bench.keeper.is_whole(bench.at)
     bench.ros.calls = breaks_off  # type: ignore[method-assign]
-    assert bench.step() == AWAY
+    assert bench.step() == keeper.AWAY
     assert not bench.keeper.is_whole(bench.at)
     bench.ros.calls = calls  # type: ignore[method-assign]
     bench.ros.up = False
@@ -582,7 +572,7 @@ def test_a_master_that_hangs_up_on_the_silent_has_not_ended_and_its_end_is_notic
     peers: Peers, woken: threading.Event
 ) -> None:
     master = Listening(peers, idle=0.1)
-    line = Lifeline(master.address, woken.set)
+    line = keeper.Lifeline(master.address, woken.set)
     until(line.hold)
     until(lambda: master.came >= 4)
     assert not woken.is_set()
@@ -593,7 +583,7 @@ def test_a_master_that_hangs_up_on_the_silent_has_not_ended_and_its_end_is_notic
 
 def test_one_that_hangs_up_at_once_is_not_connected_to_all_the_time(peers: Peers, woken: threading.Event) -> None:
     master = Listening(peers, idle=0.0)
-    line = Lifeline(master.address, woken.set)
+    line = keeper.Lifeline(master.address, woken.set)
     began = time.monotonic()
     line.hold()
     until(lambda: master.came == 4)
@@ -602,7 +592,7 @@ def test_one_that_hangs_up_at_once_is_not_connected_to_all_the_time(peers: Peers
 
 
 def test_a_master_that_is_away_wakes_nobody(peers: Peers, woken: threading.Event) -> None:
-    line = Lifeline(("127.0.0.1", peers.dead()), woken.set)
+    line = keeper.Lifeline(("127.0.0.1", peers.dead()), woken.set)
     line.hold()
     until(lambda: not line._thread.is_alive())  # type: ignore[union-attr]
     assert not line.hold()

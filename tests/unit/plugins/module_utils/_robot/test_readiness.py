@@ -16,18 +16,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import readiness
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import REFRESH, ApiError, Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.readiness import (
-    ANEW,
-    END,
-    ENDED,
-    PROVE,
-    PROVEN,
-    WITHDRAW,
-    AllGates,
-    Readiness,
-    due,
-    settings_of,
-)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import Backend, MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
@@ -52,7 +40,7 @@ def pod(
     uid: str = "new", runs: str = "c1", says: str = "", address: str = ADDRESS, ends: bool = False, **container: Any
 ) -> Object:
     """`runs` is its container's id, `says` that of the container for which its gate lets it be Ready."""
-    said = {"type": READINESS, "status": "True", "message": PROVEN + says}
+    said = {"type": READINESS, "status": "True", "message": readiness.PROVEN + says}
     other = {"type": "PodScheduled", "status": "True"}
     state = {"running": {}} if runs else {"terminated": {"exitCode": 1}}
     return {
@@ -81,27 +69,28 @@ def knowing(found: Object, **changes: Any) -> Object:
 @pytest.mark.parametrize(
     ("found", "wanted"),
     [
-        (pod(), PROVE),
-        (pod(says="c1", started=False), PROVE),  # its own startup probe has not passed: it is looked at once more then
+        (pod(), readiness.PROVE),
+        # its own startup probe has not passed: it is looked at once more then
+        (pod(says="c1", started=False), readiness.PROVE),
         (pod(runs=""), ""),
         (pod(says="c1"), ""),
-        (pod(says="c0"), PROVE),  # that was another container
-        (pod(runs="", says="c0"), WITHDRAW),
-        (pod(says="c1", ends=True), END),
+        (pod(says="c0"), readiness.PROVE),  # that was another container
+        (pod(runs="", says="c0"), readiness.WITHDRAW),
+        (pod(says="c1", ends=True), readiness.END),
         (pod(name="beside"), ""),  # only another container runs
     ],
 )
 def test_what_is_due(found: Object, wanted: str) -> None:
-    assert due(found) == wanted
+    assert readiness.due(found) == wanted
 
 
 def test_its_settings_have_the_names_that_its_template_gives() -> None:
     found = knowing(pod(), min_rates={"~out": 5, "/in": 7})
     found["metadata"]["labels"]["pod-template-hash"] = "5d"
-    settings = settings_of(found)
+    settings = readiness.settings_of(found)
     assert (settings.node, settings.revision, settings.version) == ("/talker_0a1b2c3d_5d", "0a1b2c3d", "0a1b2c3d_5d")
     assert settings.min_rates == {"/talker_0a1b2c3d_5d/out": 5, "/in": 7}
-    settings = settings_of(knowing(found, node="/r1/talker", space="/r1", min_rates={"~out": 5}))
+    settings = readiness.settings_of(knowing(found, node="/r1/talker", space="/r1", min_rates={"~out": 5}))
     assert (settings.node, *settings.min_rates) == ("/r1/talker_0a1b2c3d_5d", "/r1/talker_0a1b2c3d_5d/out")
 
 
@@ -178,7 +167,7 @@ class Scene(Clock):
         self.world.addresses = self.addresses  # type: ignore[attr-defined]
         self.world.state = self.state  # type: ignore[method-assign]
         monkeypatch.setattr(readiness, "OwnNode", OwnNode)
-        self.gates = Readiness(
+        self.gates = readiness.Readiness(
             cast("Cluster", self.api),
             SPACE,
             cast("Ros1Client", self.world),
@@ -223,7 +212,7 @@ def scene(monkeypatch: pytest.MonkeyPatch) -> Scene:
 
 def test_a_pod_is_ready_once_its_nodes_are_in_the_graph(scene: Scene) -> None:
     scene.gates.take(pod())
-    assert scene.api.conditions[-1] == ("new", "True", PROVEN + "c1")
+    assert scene.api.conditions[-1] == ("new", "True", readiness.PROVEN + "c1")
     assert scene.at >= 0.5  # nothing said what it is still going to register
     scene.gates.take(pod(says="c1"))
     assert len([one for one in scene.api.conditions if one[1] == "True"]) == 1
@@ -257,7 +246,7 @@ def test_until_then_its_condition_says_why_not(scene: Scene) -> None:
     said = [(status, text) for _uid, status, text in scene.api.conditions]
     assert said[-2:] == [
         ("False", f"not ready: edge {OWN} -> /out -> /listener: /listener is not connected to {OWN}"),
-        ("True", PROVEN + "c1"),
+        ("True", readiness.PROVEN + "c1"),
     ]
     assert len(said) <= 3, said
     assert scene.api.read <= 7  # the record is not read at each of fifty looks
@@ -284,7 +273,7 @@ def test_what_a_contract_says_is_proven_before_the_apps_own_command_has_passed(s
     scene.owe()
     scene.when = [(3.0, lambda: scene.gates.take(pod(says="c1", started=True)))]
     scene.gates.take(pod(started=False))
-    assert scene.api.conditions == [("new", "True", PROVEN + "c1")]
+    assert scene.api.conditions == [("new", "True", readiness.PROVEN + "c1")]
     assert (scene.at >= 3.0, scene.log) == (True, ["robot-r1: talker-new is ready"])
 
 
@@ -293,7 +282,7 @@ def test_without_a_contract_the_command_says_that_all_is_registered(scene: Scene
     scene.gates.take(pod(started=False))
     assert scene.api.conditions[-2:] == [
         ("new", "False", "not ready: command readiness: it has not passed yet"),
-        ("new", "True", PROVEN + "c1"),
+        ("new", "True", readiness.PROVEN + "c1"),
     ]
     assert scene.at >= 3.0
 
@@ -343,11 +332,11 @@ def test_what_the_old_pod_latches_while_the_command_is_awaited_is_kept_too(
 
 def test_another_container_is_another_proof(scene: Scene) -> None:
     scene.gates.take(pod(runs="c2", says="c1"))
-    assert scene.api.conditions[0] == ("new", "False", ANEW)
-    assert scene.api.conditions[-1] == ("new", "True", PROVEN + "c2")
+    assert scene.api.conditions[0] == ("new", "False", readiness.ANEW)
+    assert scene.api.conditions[-1] == ("new", "True", readiness.PROVEN + "c2")
     scene.api.conditions.clear()
     scene.gates.take(pod(runs="", says="c2"))
-    assert scene.api.conditions == [("new", "False", ENDED)]
+    assert scene.api.conditions == [("new", "False", readiness.ENDED)]
 
 
 def test_a_container_that_ends_meanwhile_is_looked_at_no_more(scene: Scene) -> None:
@@ -421,16 +410,20 @@ def test_a_pod_that_ends_takes_no_other_robots_nodes_along(scene: Scene) -> None
 
 @pytest.mark.parametrize("known", [{}, {"expect_node": False, "launch": "overlap"}])
 @pytest.mark.parametrize(
-    ("restarted", "comes", "evicted"), [(3.0, 99.0, 1), (3.0, 6.0, 0), (-5.0, 99.0, 0), (3.0, None, 0)]
+    ("starting", "times", "evicted"),
+    [
+        (pod(), (3.0, 99.0), 1),
+        (pod(), (3.0, 6.0), 0),  # it only takes its time
+        (pod(), (-5.0, 99.0), 0),  # it was there before its pod
+        (pod(), (3.0, None), 0),  # a master that does not answer says nothing of its nodes
+        (pod(started=False), (3.0, 99.0), 0),  # it is still starting, and may register with the new master
+    ],
 )
 def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
-    scene: Scene, known: dict[str, Any], restarted: float, comes: float | None, evicted: int
+    scene: Scene, known: dict[str, Any], starting: Object, times: tuple[float, float | None], evicted: int
 ) -> None:
-    """Not one that only takes its time, nor one that was there before its pod, whether a launch file names it or we.
-
-    A master that does not answer says nothing of its nodes.
-    """
-    starting = knowing(pod(), **known)
+    """Whether a launch file names it or we. `times`: when the master was restarted, and when the node comes to it."""
+    restarted, comes = times
     registered = dict(scene.world.publishers)
     scene.world.publishers = {"/in": ["/source"]}
     scene.world.subscribers, scene.world.services = {}, {}
@@ -444,15 +437,8 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
             scene.world.state = master_away  # type: ignore[method-assign]
 
     scene.when = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
-    scene.gates.take(starting)
+    scene.gates.take(knowing(starting, **known))
     assert len(scene.api.evicted) == evicted
-
-
-def test_a_node_that_is_still_starting_may_register_with_the_new_master(scene: Scene) -> None:
-    scene.world.publishers, scene.world.subscribers, scene.world.services = {"/in": ["/source"]}, {}, {}
-    scene.when = [(3.0, lambda: setattr(scene, "restarted_at", 3.0)), (20.0, lambda: scene.gates.pods.clear())]
-    scene.gates.take(pod(started=False))
-    assert not scene.api.evicted
 
 
 def test_nothing_is_proven_by_a_master_that_has_not_been_given_all_back(scene: Scene) -> None:
@@ -461,7 +447,7 @@ def test_nothing_is_proven_by_a_master_that_has_not_been_given_all_back(scene: S
     scene.gates.take(pod())
     *_, waits, proven = scene.api.conditions
     assert waits == ("new", "False", f"not ready: master {scene.world.uri}: {FORGETFUL}")
-    assert proven == ("new", "True", PROVEN + "c1")
+    assert proven == ("new", "True", readiness.PROVEN + "c1")
     assert scene.at >= 30.0
 
 
@@ -558,7 +544,7 @@ class ManyApi(Api):
 
 def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of those that join, too; and it ends with those that go. Both robots' apps have one name."""
-    api, threads, gates = ManyApi(), dict[str, Readiness](), dict[str, Readiness]()
+    api, threads, gates = ManyApi(), dict[str, readiness.Readiness](), dict[str, readiness.Readiness]()
     nodes = {f"/r{number}/talker_0a1b2c3d": f"http://10.0.0.{number}:1/" for number in (1, 2)}
     scene.world.publishers = {f"{node}/out": [node] for node in nodes}
     scene.world.subscribers, scene.world.services = {}, {}
@@ -566,13 +552,13 @@ def test_one_keeper_opens_the_gates_of_all_robots(scene: Scene, monkeypatch: pyt
     scene.world.answers, scene.world.sums, scene.world.hz = answers, {}, {}
     scene.places = nodes
 
-    def made(namespace: str) -> Readiness:
+    def made(namespace: str) -> readiness.Readiness:
         one = replace(scene.gates, cluster=cast("Cluster", api), namespace=namespace)
         monkeypatch.setattr(one, "start", lambda work: threads.update({namespace: one}) if work == one.run else work())
         gates[namespace] = one
         return one
 
-    every = AllGates(cast("Cluster", api), made)
+    every = readiness.AllGates(cast("Cluster", api), made)
     api.robots = ["robot-r1"]
     every.look()
     assert [*threads] == ["fleet", "robot-r1"]
@@ -601,7 +587,7 @@ def test_an_api_that_is_away_ends_nobodys_gates() -> None:
 
     api, sleep = ManyApi(), Mock(side_effect=[None, StopError])
     api.away = True
-    every = AllGates(cast("Cluster", api), pytest.fail, sleep, {"fleet": cast("Readiness", None)})
+    every = readiness.AllGates(cast("Cluster", api), pytest.fail, sleep, {"fleet": cast("readiness.Readiness", None)})
     with pytest.raises(StopError):
         every.run()
     assert ([*every.gates], sleep.mock_calls) == (["fleet"], [call(REFRESH)] * 2)

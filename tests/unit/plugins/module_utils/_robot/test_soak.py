@@ -8,15 +8,6 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import soak
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.soak import (
-    LOOKS,
-    RATED,
-    Soaking,
-    conditions,
-    ended,
-    soaked,
-    worse,
-)
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Step
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
@@ -61,7 +52,7 @@ def step(*pods: dict[str, Any], ready: bool = True, app: str = "camera", **said:
     ],
 )
 def test_which_ends_count(pods: list[dict[str, Any]], known: int, why: str) -> None:
-    assert ended(step(*pods, ends=known), {}) == why
+    assert soak.ended(step(*pods, ends=known), {}) == why
 
 
 REBOOT, BY_HAND = {"exitCode": 255, "reason": "Unknown"}, {"exitCode": 0}
@@ -82,29 +73,27 @@ REBOOT, BY_HAND = {"exitCode": 255, "reason": "Unknown"}, {"exitCode": 0}
 def test_a_reboot_of_its_host_is_no_end_of_the_version(
     monkeypatch: pytest.MonkeyPatch, lives: list[dict[str, Any] | None], why: str, seen: str
 ) -> None:
-    Looks(monkeypatch)
-    soaking, one = dict[str, Soaking](), step()
+    looks = Looks(monkeypatch)
     last_reboot = max(number for number, last in enumerate(lives) if last and last is not BY_HAND and last is not ERROR)
     for number in range(0 if seen == "each" else last_reboot, len(lives)):
-        one = step(pod(number + 3, lives[number]), ends=2)
-        (found,) = soaked(soaking, [one], 10.0, None)  # type: ignore[arg-type]
+        (found,) = looks.after(step(pod(number + 3, lives[number]), ends=2))
     assert found.why == why
 
 
 def test_a_step_owes_its_contracts_and_counts_messages_now_and_then() -> None:
     nothing = {"topics": {}, "services": {}, "actions": [], "edges": []}
     beside = {**CONTRACT, **nothing, "node": "/rear_2", "nodes": ["/rear_2"]}
-    owed = conditions(step(others=beside), rates=True)
+    owed = soak.conditions(step(others=beside), rates=True)
     assert owed["nodes"] == ["/camera_2", "/rear_2"]
     [topic] = owed["topics"]
     assert (topic["min_rate"], topic["latched"], topic["publisher"]) == (18.0, True, "/camera_2")
     assert owed["edges"] == [
         {"publisher": "/camera_2", "topic": "/image", "subscriber": "/viewer", "peer": "subscriber"}
     ]
-    assert conditions(step(), rates=False)["topics"] == [
+    assert soak.conditions(step(), rates=False)["topics"] == [
         {"name": "/image", "publisher": "/camera_2", "type": "std_msgs/String"}
     ]
-    assert conditions(step(app="ros-master"), rates=True)["nodes"] == []
+    assert soak.conditions(step(app="ros-master"), rates=True)["nodes"] == []
 
 
 UP = Check("node", "/camera_2", PASS, "up")
@@ -129,15 +118,19 @@ NO_MASTER = Check("master", "http://ros-master:11311", WAIT, "the ROS master doe
     ],
 )
 def test_what_cannot_be_seen_says_nothing(checks: list[Check], seen: str | None) -> None:
-    assert worse(Look(WAIT, checks)) == seen
+    assert soak.worse(Look(WAIT, checks)) == seen
 
 
 class Looks:
-    """What each look finds, and how each was asked."""
+    """Looks, ten seconds apart: what each finds, and how each was asked."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *found: Check) -> None:
-        self.found, self.rated = [*found], list[bool]()
+        self.found, self.rated, self.soaking = [*found], list[bool](), dict[str, soak.Soaking]()
         monkeypatch.setattr(soak, "look", self.look)
+
+    def after(self, *steps: Step) -> list[soak.Soaking]:
+        """What is known of these after the next look."""
+        return soak.soaked(self.soaking, steps, 10.0, None)  # type: ignore[arg-type]
 
     def look(self, _ros: Any, wanted: Any, _silence: Any) -> Look:
         self.rated.append(any(topic.min_rate for topic in wanted.topics))
@@ -145,36 +138,32 @@ class Looks:
 
 
 def test_it_is_good_once_its_time_is_over_and_its_messages_were_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, soaking = Looks(monkeypatch), dict[str, Soaking]()
-    good = [soaked(soaking, [step()], 10.0, None)[0].good for _look in range(12)]  # type: ignore[arg-type]
-    assert good == [False] * 11 + [True]
-    assert not soaked({}, [step(soak=10)], 10.0, None)[0].good  # type: ignore[arg-type] # nobody has counted yet
-    looks.rated.pop()
-    assert looks.rated == [number % RATED == RATED - 1 for number in range(12)]
+    looks = Looks(monkeypatch)
+    assert [looks.after(step())[0].good for _look in range(12)] == [False] * 11 + [True]
+    assert looks.rated == [number % soak.RATED == soak.RATED - 1 for number in range(12)]
+    assert not Looks(monkeypatch).after(step(soak=10))[0].good  # nobody has counted yet
 
 
 def test_looks_in_a_row_find_it_bad(monkeypatch: pytest.MonkeyPatch) -> None:
-    Looks(monkeypatch, SLOW, SLOW, UP, SLOW, SLOW, SILENT, SLOW)
-    soaking = dict[str, Soaking]()
-    seen = [soaked(soaking, [step(soak=50)], 10.0, None)[0] for _look in range(7)]  # type: ignore[arg-type]
-    assert LOOKS == 3
+    looks = Looks(monkeypatch, SLOW, SLOW, UP, SLOW, SLOW, SILENT, SLOW)
+    seen = [looks.after(step(soak=50))[0] for _look in range(7)]
+    assert soak.LOOKS == 3
     assert [one.why for one in seen] == [""] * 6 + ["rate /image: 10 Hz of at least 18 Hz"]
     assert not seen[-1].good
 
 
 def test_time_counts_only_while_it_can_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, soaking = Looks(monkeypatch, *[SILENT] * 50), dict[str, Soaking]()
+    looks = Looks(monkeypatch, *[SILENT] * 50)
     for _look in range(50):
-        (seen,) = soaked(soaking, [step()], 10.0, None)  # type: ignore[arg-type]
+        (seen,) = looks.after(step())
     assert (seen.seconds, seen.why) == (0.0, "")
-    soaked(soaking, [step(ready=False)], 10.0, None)  # type: ignore[arg-type]
+    looks.after(step(ready=False))
     assert len(looks.rated) == 50  # a pod that is not ready is not asked for anything
 
 
 def test_another_version_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    Looks(monkeypatch)
-    soaking, one = dict[str, Soaking](), step()
+    looks, one = Looks(monkeypatch), step()
     for steps, seconds in (([one], [10.0]), ([], []), ([one], [10.0])):
-        assert [seen.seconds for seen in soaked(soaking, steps, 10.0, None)] == seconds  # type: ignore[arg-type]
-    (seen,) = soaked(soaking, [Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
+        assert [seen.seconds for seen in looks.after(*steps)] == seconds
+    (seen,) = looks.after(Step(one.members, begun=True))
     assert seen.why == "others of its step went back"
