@@ -232,8 +232,6 @@ class Keeper:
         )
 
     def _restore(self, need: Mapping[str, Entry], restarted: float = 0, late: bool = False) -> tuple[Call, ...]:
-        if not need:
-            return ()
         answers = self.ros.ask(need, ASK)
         if late:  # a process that came meanwhile has its name
             self._forget_ended()
@@ -269,13 +267,12 @@ class Keeper:
 
     def _correct(self, doubtful: Mapping[str, Entry]) -> None:
         """Take back what nodes were given back without a word of theirs, and do not have."""
-        if doubtful:
-            answers = self.ros.ask(doubtful, ASK)
-            calls = registrations.denied(doubtful, answers)
-            if calls:
-                self.ros.apply(calls)
-                self.log(f"took back {in_words(calls)}: by its own word it has that no more")
-            self.memory.correct(answers, calls)
+        answers = self.ros.ask(doubtful, ASK)
+        calls = registrations.denied(doubtful, answers)
+        if calls:
+            self.ros.apply(calls)
+            self.log(f"took back {in_words(calls)}: by its own word it has that no more")
+        self.memory.correct(answers, calls)
 
     def _ask(self, entries: dict[str, Entry]) -> None:
         self.probed = (entries, self.ros.ask(entries, PROBE, own_word=False))

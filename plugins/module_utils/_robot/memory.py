@@ -220,9 +220,8 @@ class Memory:
         self.seen[node] = now
 
     def revive(self, node: str) -> Entry:
-        entry, _at = self.removed.pop(node)
-        self.nodes[node] = entry
-        return entry
+        self.nodes[node], _at = self.removed.pop(node)
+        return self.nodes[node]
 
     # ---- as it is kept
 
