@@ -16,9 +16,7 @@ from .snapshot import CALLER
 
 
 class Observer(Ros1Client):
-    """A ROS graph, looked at again and again: a few peers at a time, and one status of each action server."""
-
-    at_once, statuses = 8, 1
+    at_once, statuses = 8, 1  # peers that are asked at the same time, and messages of an action server's status
 
     def __init__(self, uri: str, timeout: float) -> None:
         super().__init__(uri, timeout, CALLER)

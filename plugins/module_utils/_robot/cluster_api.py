@@ -180,7 +180,6 @@ class Cluster:
 
     @staticmethod
     def stamp() -> str:
-        """The time now, as objects have it."""
         return lease_time(time.time())
 
     # ---- requests

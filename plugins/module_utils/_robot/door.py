@@ -71,20 +71,17 @@ def rest_of(found: Object | None, app: str) -> RestRules:
     return rest
 
 
+@dataclass(eq=False)
 class Door:
-    """The pages below /v1/. `left_over`: whether whoever has this Lease of a namespace has gone. `is_whole`: the
-    keeper's, by the clock of the `holds`.
-    """
+    """The pages below /v1/."""
 
-    def __init__(
-        self,
-        holds: Holds,
-        left_over: Callable[[str, Object | None], bool],
-        is_whole: Callable[[float], bool],
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        self.holds, self.cluster, self.ros = holds, holds.cluster, holds.ros
-        self.left_over, self.is_whole, self.sleep = left_over, is_whole, sleep
+    holds: Holds
+    left_over: Callable[[str, Object | None], bool]  # whether whoever has this Lease of a namespace has gone
+    is_whole: Callable[[float], bool]  # the keeper's, by the clock of the `holds`
+    sleep: Callable[[float], None] = time.sleep
+
+    def __post_init__(self) -> None:
+        self.cluster, self.ros = self.holds.cluster, self.holds.ros
         self.turns = threading.BoundedSemaphore(AT_ONCE)
         self.jobs = threading.BoundedSemaphore(JOBS_AT_ONCE)
 
@@ -103,7 +100,6 @@ class Door:
             turns.release()
 
     def _namespace(self, asked: Asked) -> str:
-        """That of the robot which is asked about."""
         namespace = asked.query.get("namespace") or self.cluster.home
         if namespace not in self.cluster.namespaces():
             raise SpecError(f"this keeper does not look after {namespace}")

@@ -321,7 +321,6 @@ class GoalForwarding:
         self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}
 
     def resume(self, kept: Sequence[Any]) -> None:
-        """Go on after a restart."""
         for item in kept:
             one = Forwarder(rules.from_dict(item, time.monotonic()), item["header"], self)
             self.forwarders[one.hold.action] = one

@@ -46,8 +46,7 @@ ANEW = -1  # what main returns to be begun anew
 
 
 def tell(line: str) -> None:
-    sys.stdout.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {line}\n")
-    sys.stdout.flush()
+    exporter.say(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {line}")
 
 
 def options(words: list[str]) -> dict[str, str]:

@@ -157,7 +157,6 @@ class Readiness:
         return version
 
     def take(self, pod: Object) -> None:
-        """A pod as it is now."""
         if gate_of(pod) is None or SETTINGS not in annotations_of(pod):
             return
         uid = str(pod["metadata"]["uid"])
@@ -307,7 +306,6 @@ class Readiness:
                     self.log(f"{self.namespace}: {node.name} of {name_of(pod)}, which ends: {error}")
 
     def _others(self, pod: Object) -> list[Object]:
-        """The other pods of its app."""
         uid = pod["metadata"]["uid"]
         return [one for one in list(self.pods.values()) if app_of(one) == app_of(pod) and one["metadata"]["uid"] != uid]
 

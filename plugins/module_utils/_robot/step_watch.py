@@ -245,7 +245,7 @@ class StepWatch:
         """What was due may be over by now."""
         seen = self.observed[claim.namespace]
         for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace))[due.key]:
-            if again.key == due.step.key and (due.key == SOAKING or seen.failing(again)):
+            if again.key == due.step.key and (due.key == SOAKING or again.failing(seen.up(again))):
                 self._go_back(claim, replace(due, step=again))
 
     def _go_back(self, claim: Claim, due: Due) -> None:

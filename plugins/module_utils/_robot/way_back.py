@@ -123,7 +123,6 @@ class Step:
 
     @property
     def soak(self) -> float:
-        """Seconds for which it soaks."""
         return max(member.record.soak for member in self.members)
 
     @property
@@ -203,7 +202,7 @@ class Observed:
     def due(self, steps: Sequence[Step]) -> list[Step]:
         """The steps whose time is over, of all that there are."""
         before, self.came_up = self.came_up, frozenset(one.key for one in steps if one.rolled_out or self.up(one))
-        failing = [step for step in steps if self.failing(step)]
+        failing = [step for step in steps if step.failing(self.up(step))]
         known = {key: seconds for key, seconds in self.waited.items() if key in before or key not in self.came_up}
         self.rested = {
             one.key: self.rested.get(one.key, 0.0) + self.passed
@@ -228,9 +227,6 @@ class Observed:
         if code:
             return f"ended with exit code {code}"
         return f"{'crashed again and again' if self.up(step) else 'not ready'} {self.waited[step.key]:.0f} s"
-
-    def failing(self, step: Step) -> bool:
-        return step.failing(self.up(step))
 
 
 # ---- what is written
