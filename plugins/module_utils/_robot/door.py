@@ -137,9 +137,10 @@ class Door:
             found = JOBS[name](arguments)
             if name in CHANGING or found.get("verdict", PASS) != PASS:
                 return found
-            # one that is only busy for a moment is the same as before
-            if any(self.is_whole(began) or self.sleep(MOMENT) for _look in range(MOMENTS)):
-                return found
+            for _look in range(MOMENTS):  # one that is only busy for a moment is the same as before
+                if self.is_whole(began):
+                    return found
+                self.sleep(MOMENT)
             if began >= over:
                 raise RosError(f"the ROS master at {self.ros.uri}: {FORGETFUL}")
 
