@@ -57,14 +57,12 @@ class Soaking:
         self.why = verdict if self.bad >= LOOKS else ""
 
 
-def soaked(known: dict[str, Soaking], steps: Iterable[Step], passed: float, ros: Backend) -> list[Soaking]:
-    """The steps that soak, after a look at each; `known` has them until the next one, `passed` seconds later."""
+def soaked(known: Mapping[str, Soaking], steps: Iterable[Step], passed: float, ros: Backend) -> dict[str, Soaking]:
+    """The steps that soak, by their keys, after a look at each; `known` are those of the look before."""
     found = {step.key: replace(known.get(step.key) or Soaking(step), step=step) for step in steps}
-    known.clear()
-    known.update(found)
     for one in found.values():
         one.look(passed, ros)
-    return [*found.values()]
+    return found
 
 
 def conditions(step: Step, rates: bool) -> Data:

@@ -153,12 +153,13 @@ class StepWatch:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient))
-        soaking = soaked(self.soaking.setdefault(namespace, {}), steps[SOAKING], seen.passed, self.ros)
-        for one in soaking:
+        soaking = soaked(self.soaking.get(namespace, {}), steps[SOAKING], seen.passed, self.ros)
+        self.soaking[namespace] = soaking
+        for one in soaking.values():
             if one.why:
                 reason = f"{one.why}, within {one.step.soak:.0f} s of the update"
                 self._due(namespace, seen, Due(one.step, SOAKING, reason))
-        good = {one.step.key: one.step.name for one in soaking if one.good}
+        good = {key: one.step.name for key, one in soaking.items() if one.good}
         if good:
             about = f"{namespace}/{next(iter(good.values()))}"
             self._with_lease(namespace, seen, about, "is not proven yet: {}", partial(self._prove, good))

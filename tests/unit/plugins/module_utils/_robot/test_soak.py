@@ -130,7 +130,8 @@ class Looks:
 
     def after(self, *steps: Step) -> list[soak.Soaking]:
         """What is known of these after the next look."""
-        return soak.soaked(self.soaking, steps, 10.0, None)  # type: ignore[arg-type]
+        self.soaking = soak.soaked(self.soaking, steps, 10.0, None)  # type: ignore[arg-type]
+        return [*self.soaking.values()]
 
     def look(self, _ros: Any, wanted: Any, _silence: Any) -> Look:
         self.rated.append(any(topic.min_rate for topic in wanted.topics))
