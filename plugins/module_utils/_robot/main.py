@@ -24,10 +24,9 @@ from .._ros.raw_node import Said, Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
 from .._step.words import FLEET, KEEPER_PORT, PATH
-from . import no_master
 from .cluster_api import ACCOUNT, Cluster
 from .door import Door
-from .goal_forwarding import SWITCHED_OFF, GoalForwarding
+from .goal_forwarding import SWITCHED_OFF, Calls, GoalForwarding
 from .holds import Holds
 from .keeper import Keeper, Lifeline
 from .latched_topics import LatchedTopics
@@ -79,6 +78,19 @@ def code_of(script: str) -> str:
         return ""
 
 
+def no_master(uri: str) -> Calls:
+    """The ROS master of a robot without ROS, the keeper itself, says that nobody has registered anything.
+
+    So its graph is empty, for everybody who asks (wiki: ROS/Master_API), besides what every node answers.
+    """
+    return {
+        "getUri": lambda _caller: [1, "", uri],
+        "getSystemState": lambda _caller: [1, "", [[], [], []]],
+        "getTopicTypes": lambda _caller: [1, "", []],
+        "getParam": lambda _caller, _key: [1, "", {}],
+    }
+
+
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
@@ -89,7 +101,7 @@ def main(words: list[str]) -> int:
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
     if chosen["--keep"] == "none":
         uri = slave.master_uri = slave.uri
-        slave.register(no_master.methods(uri))
+        slave.register(no_master(uri))
     shown = exporter.Exporter(uri, chosen, tell)
     slave.show(exporter.PATH, shown.metrics)
     return keep(slave, shown, chosen, code)

@@ -15,7 +15,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api im
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import code_of
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import jobs
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import KeeperCalls
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import FakeClient, FakeMaster, FakeServer
@@ -70,6 +72,27 @@ def test_each_namespace_has_gates_and_a_thread_of_its_own_and_a_whole_fleets_tak
         assert (one.namespace, one.ros.uri, one.keeper) == ("robot-r1", "http://master:11311", keeper)
         assert one.keep_latched("/a", "http://a:1/", 1.0) == []
         assert (one.turn is other.turn) and (one.ros is other.ros) and getattr(one.turn, "_value", None) == bound
+
+
+def test_a_robot_without_ros_is_one_whose_graph_is_empty() -> None:
+    """By the real client, over a real socket."""
+    slave = Slave("/ros_keeper", "127.0.0.1", 0, "")
+    slave.register(main.no_master(slave.uri))
+    slave.start()
+    try:
+        at = {"master_uri": slave.uri}
+        found = jobs.graph(at)["graph"]
+        assert not any(found[part] for part in ("nodes", "topics", "services", "actions", "launched"))
+        assert jobs.ready({**at, "nodes": [], "timeout": 1.0})["verdict"] == "pass"
+        assert jobs.ready({**at, "nodes": ["/a"], "timeout": 0.0})["verdict"] == "wait"
+        asked = {**at, "actions": [], "seconds": 60.0, "timeout": 1.0, "interval": 0.1}
+        assert jobs.JOBS["hold"](asked)["verdict"] == "pass"
+        ros = Registrar(slave.uri)
+        assert ros.snapshot() == {}
+        _pid, *said = ros.calls([("getPid", ros.caller), ("getUri", ros.caller), ("getParam", ros.caller, "/")])
+        assert said == [slave.uri, {}]
+    finally:
+        slave.stop()
 
 
 def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
