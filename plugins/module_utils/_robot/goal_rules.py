@@ -238,8 +238,7 @@ class Hold:
 
 def from_dict(data: Any, now: float) -> Hold:
     """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again."""
-    hold = Hold(data["action"], data["node"], data["old_uri"], now + data["seconds"])
-    hold.forwarded = data["forwarded"]
+    hold = Hold(data["action"], data["node"], data["old_uri"], now + data["seconds"], forwarded=data["forwarded"])
     for item in data["goals"]:
         stamp = (int(item["stamp"][0]), int(item["stamp"][1]))
         body = base64.b64decode(item["body"])

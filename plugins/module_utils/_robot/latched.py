@@ -94,8 +94,7 @@ _KEPT = ("topic", "node", "uri", "header", "file", "size", "had", "beside")
 def from_kept(data: Any) -> list[Value]:
     """The reverse of as_kept(); none of anything else."""
     try:
-        found = [Value(**{name: item[name] for name in _KEPT}) for item in data["values"]]
-        return found if isinstance(data["boot"], str) else []
+        return [Value(**{name: item[name] for name in _KEPT}) for item in data["values"]]
     except (KeyError, TypeError):
         return []
 

@@ -58,7 +58,7 @@ class LatchedTopics:
         """Go on after a restart; files that nobody knows of go."""
         content = self.files.load(PART)
         known = from_kept(content)
-        kept = {value.file: value for value in known if content["boot"] == boot_of_host()}
+        kept = {value.file: value for value in known if content.get("boot") == boot_of_host()}
         for file in self.directory.glob("*"):
             value = kept.get(file.name)
             if value is not None and value.size == file.stat().st_size:

@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import idle_robo
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import ValueCondition
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node, StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Action, Graph, Node, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Asked
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import rest_maps
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import Api, live, pod, version
@@ -149,14 +149,12 @@ class World(Api):
         found = state.graph.answered(
             Node(name, f"http://10.42.0.{3 + 'ab'.find(name[1])}:1/", 7, True) for name in wanted.nodes
         )
-        statuses = {action: StatusReading(((1,) * self.goals.get(action, 0),) * 2) for action in wanted.actions}
-        told = {
-            action: replace(
-                found.action(action), statuses=dict.fromkeys(found.action(action).servers, statuses[action])
-            )
-            for action in wanted.actions
-        }
-        return replace(found, actions={**found.actions, **told})
+
+        def told(name: str) -> Action:
+            action, reading = found.action(name), StatusReading(((1,) * self.goals.get(name, 0),) * 2)
+            return replace(action, statuses=dict.fromkeys(action.servers, reading))
+
+        return replace(found, actions={**found.actions, **{name: told(name) for name in wanted.actions}})
 
     def addresses(self, names: Iterable[str]) -> tuple[dict[str, str], dict[str, str]]:
         return {name: f"http://{name[1:]}:1/" for name in names}, {}
