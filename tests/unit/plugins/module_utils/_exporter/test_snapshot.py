@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot im
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import ServiceProbe, StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import ServiceProbe, Stats, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import (
@@ -46,14 +46,12 @@ def answers(**changes: Any) -> Answers:
 
 def grown(by: int) -> Answers:
     """All counts of all connections grown."""
-    result = {}
-    for name, answer in answers().items():
-        stats = answer.stats
-        if stats is not None:
-            links = {key: bus_stats.Count(n.messages + by, n.bytes + 100 * by) for key, n in stats.links.items()}
-            answer = replace(answer, stats=replace(stats, links=links))  # noqa: PLW2901
-        result[name] = answer
-    return result
+
+    def more(stats: Stats) -> Stats:
+        links = {key: bus_stats.Count(n.messages + by, n.bytes + 100 * by) for key, n in stats.links.items()}
+        return replace(stats, links=links)
+
+    return {name: replace(one, stats=one.stats and more(one.stats)) for name, one in answers().items()}
 
 
 HUNG = NodeAnswer("http://x:1/", error="no answer")

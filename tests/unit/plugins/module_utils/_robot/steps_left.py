@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
@@ -94,6 +95,18 @@ class Api:
         self.requests.append(what)
         if self.away:
             raise KubeError("nothing listens")
+
+    def before(self, request: str, happens: Callable[..., Any], once: bool = False) -> None:
+        """Let something happen right before whatever is asked for in this way."""
+        real = getattr(self, request)
+
+        def asked(*given: Any) -> Any:
+            if once:
+                setattr(self, request, real)
+            happens(*given)
+            return real(*given)
+
+        setattr(self, request, asked)
 
     def stamp(self) -> str:
         return "1970-01-01T00:00:00.000000Z"

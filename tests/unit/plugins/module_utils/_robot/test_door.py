@@ -175,13 +175,7 @@ def test_another_server_that_comes_meanwhile_gets_no_goals_either(world: World, 
 
 
 def test_a_goal_that_came_in_between_is_left_to_finish(world: World, may: Says) -> None:
-    real = world.hold
-
-    def slips_in(action: str, server: str, seconds: float) -> str:
-        world.goal("/base/drive")
-        return real(action, server, seconds)
-
-    world.hold = slips_in  # type: ignore[method-assign]
+    world.before("hold", lambda *_: world.goal("/base/drive"))
     assert may(*HOLD) == (75, "not now: busy on /base: 2 ACTIVE")
     assert (world.holder, world.held_until) == ("", {})
 
@@ -207,14 +201,7 @@ def test_goals_that_a_run_holds_by_now_are_not_let_go(world: World, may: Says) -
 
 def test_a_hold_that_is_made_longer_as_it_ends_does_not_end(world: World, may: Says) -> None:
     assert may(*HOLD)[0] == 0
-    real = world.write_lease
-
-    def renewed_before(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
-        world.write_lease = real  # type: ignore[method-assign]
-        lease_of(f"{OWNER}apt", world, 120)
-        return real(namespace, body)
-
-    world.write_lease = renewed_before  # type: ignore[method-assign]
+    world.before("write_lease", lambda *_: lease_of(f"{OWNER}apt", world, 120), once=True)
     world.run(125)
     held = {**world.held_until}
     world.run(10)
@@ -223,27 +210,22 @@ def test_a_hold_that_is_made_longer_as_it_ends_does_not_end(world: World, may: S
 
 
 def test_nobody_takes_what_another_one_took_at_the_same_time(world: World, may: Says) -> None:
-    real = world.send
-
-    def between(method: str, path: str, body: Any) -> tuple[int, Any]:
-        if method in ("PUT", "POST") and not world.holder:
-            lease_of(OTHERS, world)
-        return real(method, path, body)
-
-    world.send = between  # type: ignore[method-assign]
+    world.before("send", lambda method, *_: lease_of(OTHERS, world) if method in ("PUT", "POST") else None)
     assert may(*HOLD) == (75, "not now: somebody else was faster")
     assert world.holder == OTHERS
-    lease_of("", world)
-    lookups: list[str] = []
 
-    def before_it_reads(method: str, path: str, body: Any) -> tuple[int, Any]:
-        lookups.append(path)
-        if path.endswith("/robot-update") and method == "GET" and len(lookups) == 2:
+
+def test_nobody_takes_what_was_changed_since_it_was_looked_at(world: World, may: Says) -> None:
+    lease_of("", world)
+    asked: list[str] = []
+
+    def changed(method: str, path: str, _body: Any) -> None:
+        asked.append(f"{method} {path.rpartition('/')[2]}")
+        if asked[1:] == ["GET robot-update"]:
             lease_of(OTHERS, world)
             lease_of("", world)
-        return real(method, path, body)
 
-    world.send = before_it_reads  # type: ignore[method-assign]
+    world.before("send", changed)
     assert may(*HOLD) == (75, "not now: somebody else began to change it just now")
     assert world.holder == ""
 

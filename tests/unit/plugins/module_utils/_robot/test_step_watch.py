@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -81,11 +81,6 @@ class World(Api):
         """Somebody takes the Lease, or renews it."""
         self.number += 1
         self.leases_now[namespace] = lease(holder, self.number)
-
-    def before(self, request: str, happens: Callable[..., Any]) -> None:
-        """Let something happen right before whatever is asked for in this way."""
-        real = getattr(self, request)
-        setattr(self, request, lambda *given: (happens(*given), real(*given))[1])
 
     def run(self, seconds: float) -> None:
         end = self.at + seconds
@@ -581,8 +576,7 @@ def test_a_record_that_a_run_writes_just_then_is_the_runs() -> None:
     world = recorded(left_alone())
     newer = json.loads(json.dumps(world.maps[NAMESPACE, "robot-updates"]))
     newer["metadata"]["resourceVersion"] = "6"
-    written = [newer]  # once
-    world.before("apply", lambda *_: written and world.maps.update({(NAMESPACE, "robot-updates"): written.pop()}))
+    world.before("apply", lambda *_: world.maps.update({(NAMESPACE, "robot-updates"): newer}), once=True)
     world.run(30)
     assert event(world)["outcome"] == "running"
     world.run(20)

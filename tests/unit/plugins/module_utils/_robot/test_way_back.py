@@ -26,12 +26,8 @@ OLD, NEW = version("camera", 1), version("camera", 2)
 RUN = "host 77"
 
 
-def failing(**contract: Any) -> Step:
-    return Step((member(live(NEW), left(OLD, **contract)),))
-
-
-def is_failing(one: way_back.Member, came_up: bool = False) -> bool:
-    return Step((one,)).failing(came_up)
+def at(*pods: dict[str, Any], ready: bool = False, **contract: Any) -> Step:
+    return Step((member(live(NEW, ready=ready), left(OLD, **contract), pods),))
 
 
 # ---- whether a version is ready
@@ -86,7 +82,7 @@ OTHERS = [pod("camera", 1, crashes=True), pod("lidar", 2, crashes=True), {"metad
     ],
 )
 def test_what_is_taken_back_would_be_better_afterwards(one: way_back.Member, came_up: bool, fails: bool) -> None:
-    assert is_failing(one, came_up) is fails
+    assert Step((one,)).failing(came_up) is fails
 
 
 def test_a_pod_of_ours_without_the_label_is_known_by_its_hash() -> None:
@@ -166,7 +162,7 @@ class Look:
 
 
 def test_a_lease_that_stands_still_is_over_after_its_own_time() -> None:
-    look, step = Look(), failing(ready_timeout=30)
+    look, step = Look(), at(ready_timeout=30)
     found = lease(RUN)
     found["spec"]["renewTime"] = "2999-01-01T00:00:00.000000Z"  # a clock that is a day, or a life, ahead
     free = []
@@ -185,15 +181,11 @@ def test_a_lease_that_nobody_has_is_free_at_once(found: dict[str, Any] | None) -
 
 
 def test_a_run_that_comes_back_begins_it_anew() -> None:
-    look, step = Look(), failing(ready_timeout=120)
+    look, step = Look(), at(ready_timeout=120)
     for _look in range(10):
         look(lease(""), step)
     look(lease(RUN, 2), step)
     assert [bool(look(lease("", 3), step)) for _look in range(13)] == [False] * 12 + [True]
-
-
-def at(*pods: dict[str, Any], ready: bool = False) -> Step:
-    return Step((member(live(NEW, ready=ready), left(OLD), pods),))
 
 
 UP, DOWN, CRASHES = at(ready=True), at(pod("camera", 2)), at(pod("camera", 2, crashes=True))
