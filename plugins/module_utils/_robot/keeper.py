@@ -159,8 +159,8 @@ class Keeper:
             self.away = ""
         restarted = bool(self.memory.master) and master != self.memory.master
         news = self._register(system, now, restarted) or bool(self.memory.missed)
-        if restarted:
-            self.restarted_at = self.restarted_at if self.booted else now
+        if restarted and not self.booted:
+            self.restarted_at = now
         if not self.keeps:
             self._has_all(master)
             self.memory.nodes = {node: entry for node, entry in self.memory.nodes.items() if node in self.present}

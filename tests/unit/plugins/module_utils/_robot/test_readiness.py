@@ -351,11 +351,7 @@ def test_a_container_that_ends_meanwhile_is_looked_at_no_more(scene: Scene) -> N
 def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
     """What has gone needs no word; everything else is tried again."""
     scene.api.refuses = status
-
-    def mended() -> None:
-        scene.api.refuses = 0
-
-    scene.when = [(3.0, mended)]
+    scene.when = [(3.0, lambda: setattr(scene.api, "refuses", 0))]
     scene.gates.take(pod())
     assert bool(scene.api.conditions) == again
 
@@ -428,15 +424,13 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
     scene.world.publishers = {"/in": ["/source"]}
     scene.world.subscribers, scene.world.services = {}, {}
 
-    def come() -> None:
-        scene.world.publishers = registered
-
     def restart() -> None:
         scene.restarted_at = restarted
         if comes is None:
             scene.world.state = master_away  # type: ignore[method-assign]
 
-    scene.when = [(3.0, restart), (comes or 99.0, come), (20.0, lambda: scene.gates.pods.clear())]
+    come = (comes or 99.0, lambda: setattr(scene.world, "publishers", registered))
+    scene.when = [(3.0, restart), come, (20.0, lambda: scene.gates.pods.clear())]
     scene.gates.take(knowing(starting, **known))
     assert len(scene.api.evicted) == evicted
 
