@@ -87,10 +87,9 @@ class Cluster:
 
     def write_lease(self, namespace: str, lease: Object) -> Object | None:
         """The Lease as it is now; None if somebody else was faster."""
-        there = "resourceVersion" in lease["metadata"]
-        path = _path(namespace, "Lease", LEASE if there else "")
+        method, name = ("PUT", LEASE) if "resourceVersion" in lease["metadata"] else ("POST", "")
         try:
-            return self._send("PUT" if there else "POST", path, {}, lease)
+            return self._send(method, _path(namespace, "Lease", name), {}, lease)
         except ApiError as error:
             if error.status == 409:
                 return None

@@ -385,9 +385,8 @@ class GoalForwarding:
         """Hand the goals to whatever server is there; how many were forwarded."""
         with self.lock:
             one = self.forwarders.get(action)
-        if one is None:
-            return [1, f"no goals of {action} are held", 0]
-        with one.lock:
+            if one is None:
+                return [1, f"no goals of {action} are held", 0]
             one.hold.release(time.monotonic())
         one.wake.set()
         one.join(FIRST)
