@@ -58,11 +58,10 @@ def read_settings() -> tuple[float, bool, Path]:
     return settings.positive("RATE_HZ", 10.0), settings.flag("PERSISTENT"), settings.required_log_dir()
 
 
-def request_answers(values: tuple[float, bool, Path]) -> None:
+def request_answers(rate: float, persistent: bool, directory: Path) -> None:
     """Ask until asked to stop."""
     from .srv import AddTwoInts  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    rate, persistent, directory = values
     period = 1.0 / rate
     previous = last_record(directory / LOG_NAME, key="request")
     log = JsonLinesLog(directory / LOG_NAME)

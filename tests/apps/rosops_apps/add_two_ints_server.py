@@ -14,9 +14,9 @@ from .arithmetic import OPERATIONS, wrap
 SERVICE = "add_two_ints"
 
 
-def read_settings() -> str:
+def read_settings() -> tuple[str]:
     """What it answers with."""
-    return settings.choice("OPERATION", tuple(OPERATIONS))
+    return (settings.choice("OPERATION", tuple(OPERATIONS)),)
 
 
 def serve(name: str) -> None:
@@ -24,7 +24,6 @@ def serve(name: str) -> None:
     from .srv import AddTwoInts, AddTwoIntsResponse  # type: ignore[import-not-found] # noqa: PLC0415 - made at build
 
     operation = OPERATIONS[name]
-
     metrics = node.measured("service", SERVICE)
 
     def answer(request: Any) -> Any:

@@ -66,7 +66,7 @@ class Metrics:
         lines.append(f"rosops_app_response_seconds_count{{{self._labels}}} {total}")
         return "\n".join([*lines, ""])
 
-    def serve(self, port: int) -> ThreadingHTTPServer:
+    def serve(self, port: int) -> None:
         """Answer at this port for as long as the process lives."""
         made = self
 
@@ -87,4 +87,3 @@ class Metrics:
 
         server = ThreadingHTTPServer(("", port), Handler)
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        return server

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, TypeVar
+from typing import Any, Callable
 
 from . import settings
 from .metrics import Metrics
@@ -18,7 +18,6 @@ os.environ.setdefault("ROS_LOG_DIR", "/tmp/ros-log")  # noqa: S108 - rospy wants
 
 import rospy  # type: ignore[import-not-found]
 
-T = TypeVar("T")
 READY = Path("/tmp/ready")  # noqa: S108 - a container's own /tmp
 LINGER_SECONDS = 0.05
 LEAVE_SECONDS = 5.0
@@ -90,7 +89,7 @@ def _never_connect() -> None:
         time.sleep(0.1)
 
 
-def run(name: str, read_settings: Callable[[], T], application: Callable[[T], None]) -> None:
+def run(name: str, read_settings: Callable[[], tuple[Any, ...]], application: Callable[..., None]) -> None:
     """Run one application as the ROS node `name` (or what `__name:=` says) until it is asked to stop.
 
     Its settings are read first: a wrong one ends it at once, whether there is a ROS master or not.
@@ -114,7 +113,7 @@ def run(name: str, read_settings: Callable[[], T], application: Callable[[T], No
         if faults.never_connect:
             _never_connect()
         else:
-            application(values)
+            application(*values)
         _leave()
         say("stopped")
     except rospy.ROSInterruptException:

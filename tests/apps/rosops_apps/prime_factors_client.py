@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +20,6 @@ from .metrics import Metrics
 LOG_NAME = "prime-factors.jsonl"
 ACTION = "prime_factors"
 LOOK_SECONDS = 0.1
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What the environment says."""
-
-    directory: Path
-    pause: float
-    timeout: float
 
 
 class Goal:
@@ -89,21 +79,18 @@ class Goal:
         }
 
 
-def read_settings() -> Settings:
-    """Where the log goes, the pause between batches, and how long a goal may take."""
-    return Settings(
-        directory=settings.required_log_dir(),
-        pause=settings.not_negative("BATCH_PAUSE", 1.0),
-        timeout=settings.positive("GOAL_TIMEOUT", 120.0),
-    )
+def read_settings() -> tuple[Path, float, float]:
+    """Where the log goes, the seconds between batches, and those that a goal may take."""
+    between, timeout = settings.not_negative("BATCH_PAUSE", 1.0), settings.positive("GOAL_TIMEOUT", 120.0)
+    return settings.required_log_dir(), between, timeout
 
 
-def send_batches(values: Settings) -> None:
+def send_batches(directory: Path, between: float, timeout: float) -> None:
     """Send until asked to stop."""
     from .msg import PrimeFactorsAction, PrimeFactorsGoal  # type: ignore[import-not-found] # noqa: PLC0415
 
-    batch = goals.next_batch(last_record(values.directory / LOG_NAME, key="batch"))
-    log = JsonLinesLog(values.directory / LOG_NAME)
+    batch = goals.next_batch(last_record(directory / LOG_NAME, key="batch"))
+    log = JsonLinesLog(directory / LOG_NAME)
     metrics = node.measured("action", ACTION)
     client = actionlib.SimpleActionClient(ACTION, PrimeFactorsAction)
     # Once, as most clients do: a goal that is sent while no server is there is not repeated.
@@ -111,7 +98,7 @@ def send_batches(values: Settings) -> None:
     is_ready = False
     while not node.stopping():
         goal = Goal(client, PrimeFactorsGoal(batch=batch, numbers=batch_numbers(batch)))
-        record = goal.report(goal.wait(values.timeout))
+        record = goal.report(goal.wait(timeout))
         count(record, metrics)
         log.write(record)
         log.sync()
@@ -119,7 +106,7 @@ def send_batches(values: Settings) -> None:
         if not is_ready and record["right"] == len(batch_numbers(batch)):
             is_ready = True
             node.ready()
-        pause(values.pause)
+        pause(between)
     log.close()
 
 

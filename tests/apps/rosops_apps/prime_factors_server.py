@@ -122,9 +122,8 @@ def read_settings() -> tuple[float, Path | None]:
     return settings.not_negative("FACTOR_PAUSE", 0.05), settings.log_dir()
 
 
-def serve(values: tuple[float, Path | None]) -> None:
+def serve(pause: float, directory: Path | None) -> None:
     """Work until asked to stop."""
-    pause, directory = values
     # A file for each pod (its host name): two servers that share a volume do not write into one file.
     log = JsonLinesLog(directory / f"prime-factors-server-{socket.gethostname()}.jsonl") if directory else None
     # A signal's handler runs in the main thread: the work is done in another, which can then still tell its clients.

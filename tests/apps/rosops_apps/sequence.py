@@ -13,23 +13,13 @@ class SequenceTracker:
 
     def __init__(self, after: int | None = None, remember: int = 100_000) -> None:
         self._floor = -1 if after is None else after
-        self._first: int | None = None
-        self._highest = -1
+        self.first: int | None = None  # the lowest number received
+        self.last: int | None = None  # and the highest
         self._holes: set[int] = set()
         self._remember = remember
         self._lost_for_good = 0
         self._ranges: list[list[int]] = []
         self.duplicates = 0
-
-    @property
-    def first(self) -> int | None:
-        """The lowest number received."""
-        return self._first
-
-    @property
-    def last(self) -> int | None:
-        """The highest number received."""
-        return None if self._first is None else self._highest
 
     @property
     def missing(self) -> int:
@@ -38,28 +28,26 @@ class SequenceTracker:
 
     def add(self, number: int) -> bool:
         """True if the sample is new."""
-        if number == self._highest + 1 and self._first is not None:
-            self._highest = number
-            if self._ranges and self._ranges[-1][1] == number - 1:
-                self._ranges[-1][1] = number
-                return True
-        elif not self._out_of_order(number):
+        if not self._is_new(number):
             self.duplicates += 1
             return False
-        self._ranges.append([number, number])
+        if self._ranges and self._ranges[-1][1] == number - 1:
+            self._ranges[-1][1] = number
+        else:
+            self._ranges.append([number, number])
         return True
 
-    def _out_of_order(self, number: int) -> bool:
+    def _is_new(self, number: int) -> bool:
         if number <= self._floor:
             return False
-        if self._first is None:
-            self._first = self._highest = number
-        elif number > self._highest:
-            self._open_holes(self._highest + 1, number)
-            self._highest = number
-        elif number < self._first:
-            self._open_holes(number + 1, self._first)
-            self._first = number
+        if self.first is None or self.last is None:
+            self.first = self.last = number
+        elif number > self.last:
+            self._open_holes(self.last + 1, number)
+            self.last = number
+        elif number < self.first:
+            self._open_holes(number + 1, self.first)
+            self.first = number
         elif number in self._holes:
             self._holes.remove(number)
         else:

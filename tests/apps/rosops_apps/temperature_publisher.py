@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,23 +18,13 @@ LONGEST_SLEEP = 0.5  # a slow sensor, too, notices within this time that it is a
 STEP_SECONDS = 0.1  # a wall clock this far away was set; it did not drift
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What the environment says. `directory`: where the account of what was published goes, if there is to be one."""
-
-    rate: float
-    stride: int
-    queue: int
-    directory: Path | None
-
-
 class Sensor:
     """Publishes readings and keeps account of them."""
 
-    def __init__(self, topic: Any, message: Any, values: Settings) -> None:
+    def __init__(self, topic: Any, message: Any, stride: int) -> None:
         self._topic = topic
         self._message = message
-        self._stride = values.stride
+        self._stride = stride
         self.sent = 0
         self.skipped = 0
         self.account = SequenceTracker()
@@ -57,34 +46,33 @@ class Sensor:
         return {"sent": self.sent, "skipped": self.skipped, "ranges": self.account.take_ranges()}
 
 
-def read_settings() -> Settings:
-    """From the environment."""
-    rate, stride = settings.rates()
-    return Settings(rate=rate, stride=stride, queue=settings.queue_size(), directory=settings.log_dir())
+def read_settings() -> tuple[float, int, int, Path | None]:
+    """Rate and stride, the length of the queue, and where what was published is written down (LOG_DIR, optional)."""
+    return (*settings.rates(), settings.queue_size(), settings.log_dir())
 
 
-def publish(values: Settings) -> None:
+def publish(rate: float, stride: int, queue: int, directory: Path | None) -> None:
     """Publish until asked to stop."""
     from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    log = JsonLinesLog(values.directory / "temperature-published.jsonl") if values.directory else None
-    topic = rospy.Publisher("temperature", Temperature, queue_size=values.queue, tcp_nodelay=True)
+    log = JsonLinesLog(directory / "temperature-published.jsonl") if directory else None
+    topic = rospy.Publisher("temperature", Temperature, queue_size=queue, tcp_nodelay=True)
     message = Temperature()
     message.header.frame_id = "temperature_sensor"
-    sensor = Sensor(topic, message, values)
-    pace(sensor, values, log)
+    sensor = Sensor(topic, message, stride)
+    pace(sensor, rate, queue, log)
     if log:
         record(sensor, log)
         log.close()
     node.say("published", sent=sensor.sent, skipped=sensor.skipped)
 
 
-def pace(sensor: Sensor, values: Settings, log: JsonLinesLog | None) -> None:
+def pace(sensor: Sensor, rate: float, queue: int, log: JsonLinesLog | None) -> None:
     """Have every reading published when it is due."""
     # After a stall as many readings as half a queue holds are caught up; more would push out what waits there.
-    most = max(1, min(values.queue // 2, int(values.rate)))
+    most = max(1, min(queue // 2, int(rate)))
     now = followed = time.monotonic()
-    clock = SampleClock(values.rate, time.time(), now)
+    clock = SampleClock(rate, time.time(), now)
     last = clock.number(now)
     while not node.stopping():
         pause = clock.due(last + 1) - time.monotonic()

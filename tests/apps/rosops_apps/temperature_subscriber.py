@@ -99,11 +99,10 @@ def read_settings() -> tuple[Path, int]:
     return settings.required_log_dir(), settings.queue_size()
 
 
-def subscribe(values: tuple[Path, int]) -> None:
+def subscribe(directory: Path, queue_size: int) -> None:
     """Count until asked to stop."""
     from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    directory, queue_size = values
     previous = last_record(directory / LOG_NAME, key="last_sequence")
     log = JsonLinesLog(directory / LOG_NAME)
     account = Account(previous, node.measured("pubsub", "temperature"))
