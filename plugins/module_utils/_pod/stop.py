@@ -11,11 +11,10 @@ from __future__ import annotations
 import os
 import sys
 import time
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Callable, Sequence
 
-from .._common.poll import PASS, WAIT, Seen, poll
+from .._common.poll import PASS, WAIT, Polled, Seen, poll
 from .._ros import keeper_client
 from .._ros.checks import idle
 from .._ros.graph import NodeKey, StatusReading
@@ -43,33 +42,37 @@ def together(tasks: Sequence[Callable[[], Any]], seconds: float, failed: Failed 
     return list(in_parallel(dict(enumerate(tasks)), seconds, lambda _key, error: failed(error)).values())
 
 
-@dataclass(frozen=True)
 class Time:
-    """The clock, and how several things are done at once: the price of tests that never wait."""
+    """When each part of a stop is over that begins now. Kubernetes ends the pod not long after the last.
 
-    now: Callable[[], float] = time.monotonic
-    sleep: Callable[[float], None] = time.sleep
-    together: Callable[..., list[Any]] = together
+    The clock, and how several things are done at once, are handed in: the price of tests that never wait.
+    """
 
-    def left(self, end: float, most: float = TIMEOUT) -> float:
+    def __init__(
+        self,
+        total: float,
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+        together: Callable[..., list[Any]] = together,
+    ) -> None:
+        self.now, self.sleep, self.together = now, sleep, together
+        leaving, self.end = min(LEAVING, total / 3), now() + total
+        self.quiet = self.end - leaving  # what is under way may end until then,
+        self.late = self.end - leaving * 2 / 3  # a look at it that began before,
+        self.away = self.end - leaving / 3  # the master's answers
+
+    def left(self, end: float) -> float:
         """Seconds for a call that may last until `end`."""
-        return max(LEAST, min(most, end - self.now()))
+        return max(LEAST, min(TIMEOUT, end - self.now()))
 
+    def each(self, calls: Sequence[Callable[[float], Any]], end: float, failed: Failed = why) -> list[Any]:
+        """What each returned that may last until `end`, or what is made of its error; all at once."""
+        seconds = self.left(end)
+        return self.together([partial(call, seconds) for call in calls], seconds, failed)
 
-@dataclass(frozen=True)
-class Ends:
-    """When each part of a stop is over, by the clock. Kubernetes ends the pod not long after the last."""
-
-    quiet: float  # what is under way may end until then,
-    late: float  # a look at it that began before,
-    away: float  # the master's answers,
-    all: float
-
-
-def ends_of(began: float, total: float) -> Ends:
-    leaving = min(LEAVING, total / 3)
-    end = began + total
-    return Ends(end - leaving, end - leaving * 2 / 3, end - leaving / 3, end)
+    def until_quiet(self, probe: Callable[[], Seen], interval: float, consecutive: int = 1) -> Polled:
+        left = max(self.quiet - self.now(), 0.0)
+        return poll(probe, left, interval, consecutive, now=self.now, sleep=self.sleep)
 
 
 def main(_words: list[str]) -> int:
@@ -84,93 +87,79 @@ def main(_words: list[str]) -> int:
 
 
 def _main() -> list[str]:
-    began = time.monotonic()
     settings = load_settings(os.environ)
     total = float(settings.stop_deadline)
-    seconds = min(TIMEOUT, total / FINDING)
-    nodes, reason = own_nodes(settings, seconds)
+    clock = Time(total)
+    nodes, reason = own_nodes(settings, min(TIMEOUT, total / FINDING))
     if not nodes:
         return [f"left to SIGTERM: {reason}"]
     hold = keeper_client.KeeperCalls(settings.keeper, CALLER).hold if settings.keeper else None
-    return stop(nodes, settings.expect_node, hold, ends_of(began, total))
+    return stop(nodes, settings.expect_node, hold, clock)
 
 
-def stop(
-    nodes: Sequence[OwnNode],
-    expect_node: bool,
-    hold: Hold | None,
-    ends: Ends,
-    clock: Time = Time(),  # noqa: B008 - it is frozen
-) -> list[str]:
-    """Stop the nodes before it `ends`; remarks on what was not as it should be."""
+def stop(nodes: Sequence[OwnNode], expect_node: bool, hold: Hold | None, clock: Time) -> list[str]:
+    """Stop the nodes before its time is over; remarks on what was not as it should be."""
     try:
-        remarks = drain(nodes, hold, ends, clock)
+        remarks = drain(nodes, hold, clock)
     except Exception as error:  # a node that cannot be drained has to be stopped all the same
         remarks = [f"not drained: {why(error)}"]
-    remarks += let_calls_end(nodes, ends, clock)
-    words = _each([node.hand_over for node in nodes], ends.late, clock)  # last: a goal or a call may latch something
+    remarks += let_calls_end(nodes, clock)
+    words = clock.each([node.hand_over for node in nodes], clock.late)  # last: a goal or a call may latch something
     remarks += [f"what {node.name} has latched goes with it: {word}" for node, word in zip(nodes, words) if word]
     # It unregisters by itself, too, but rospy does so in a thread that ends with the process, and the main thread sees
     # the shutdown first: on a busy machine half of it stayed registered. A master that is away will know nothing of it
     # when it comes back.
-    words = _each([node.unregister for node in nodes], ends.away, clock, str)
+    words = clock.each([node.unregister for node in nodes], clock.away, str)
     remarks += [f"not unregistered: {word}" for word in words if word]
     if expect_node:  # before its end, for which the next version of this name waits
-        words = _each([node.forget for node in nodes], ends.away, clock, str)
+        words = clock.each([node.forget for node in nodes], clock.away, str)
         remarks += [f"its parameters stay: {word}" for word in words if word]
     # a call may have come meanwhile; from now on nobody finds the node any more
-    remarks += let_calls_end(nodes, ends, clock)
+    remarks += let_calls_end(nodes, clock)
     # roslaunch takes the end of a node for its failure, and starts it again or ends the others: those get its signal
     for node in nodes if expect_node else ():
-        node.shut_down(clock.left(ends.all))
+        node.shut_down(clock.left(clock.end))
     return list(dict.fromkeys(remarks))
 
 
-def _each(calls: Sequence[Callable[[float], Any]], end: float, clock: Time, failed: Failed = why) -> list[Any]:
-    """What each returned that may last until `end`, or what is made of its error; all at once."""
-    seconds = clock.left(end)
-    return clock.together([partial(call, seconds) for call in calls], seconds, failed)
-
-
-def let_calls_end(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str]:
+def let_calls_end(nodes: Sequence[OwnNode], clock: Time) -> list[str]:
     """Wait until no service call is under way; a client that only stays connected is not waited for."""
 
     def probe() -> Seen:
         # none where neither the kernel nor the node tells: it serves nobody any more
-        calls = sum(_each([node.calls for node in nodes], ends.late, clock, lambda _error: 0))
+        calls = sum(clock.each([node.calls for node in nodes], clock.late, lambda _error: 0))
         return Seen(WAIT if calls else PASS, calls)
 
-    ended = poll(probe, max(ends.quiet - clock.now(), 0.0), CALL_TICK, now=clock.now, sleep=clock.sleep)
+    ended = clock.until_quiet(probe, CALL_TICK)
     return [] if ended.verdict == PASS else [f"stopped with {ended.last} service calls under way"]
 
 
-def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
+def drain(nodes: Sequence[OwnNode], hold: Hold | None, clock: Time) -> list[str]:
     """Wait until no goal is open. New ones are held back where a keeper does that, so that this has an end."""
-    served = _each([node.actions for node in nodes], ends.quiet, clock)
+    served = clock.each([node.actions for node in nodes], clock.quiet)
     remarks = [f"not drained: {names}" for names in served if isinstance(names, str)]
     found = [(node, names) for node, names in zip(nodes, served) if not isinstance(names, str)]
     actions = [(node, action) for node, names in found for action in names]
     if not actions:
         return remarks
-    unheld = dict(zip(actions, _hold(actions, hold, ends, clock)))
+    unheld = dict(zip(actions, _hold(actions, hold, clock)))
     remarks += [f"goals of {action} are not held: {reason}" for (_node, action), reason in unheld.items() if reason]
     held = [one for one in actions if not unheld[one]]
     uncut: dict[str, str] = {}
 
     def probe() -> Seen:
-        seconds = clock.left(ends.late) / 2
+        seconds = clock.left(clock.late) / 2
         # at every look: the master tells the server of each new client
         cut = clock.together([partial(node.isolate, action, seconds) for node, action in held], seconds)
         uncut.update({action: word for (_node, action), word in zip(held, cut) if word})
         tasks = [partial(node.status, action) for node, action in actions]
-        read = _each(tasks, ends.late, clock, lambda error: StatusReading(error=why(error)))
+        read = clock.each(tasks, clock.late, lambda error: StatusReading(error=why(error)))
         looks = [(action, *idle(NodeKey(node.name), status)) for (node, action), status in zip(actions, read)]
         open_goals = [f"{action} {reason}" for action, verdict, reason in looks if verdict != PASS]
         return Seen(WAIT if open_goals else PASS, open_goals)
 
     # Twice: a look may begin with a status from before the isolation, and a goal on its way stands in none yet.
-    wait = max(ends.quiet - clock.now(), 0.0)
-    ended = poll(probe, wait, 0.1, consecutive=2, now=clock.now, sleep=clock.sleep)
+    ended = clock.until_quiet(probe, 0.1, consecutive=2)
     remarks += [f"clients of {action} were not cut off from it: {word}" for action, word in uncut.items()]
     if ended.verdict != PASS:
         said = "; ".join(ended.last) or "idle once only"
@@ -178,11 +167,11 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) 
     return remarks
 
 
-def _hold(actions: Sequence[tuple[OwnNode, str]], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
+def _hold(actions: Sequence[tuple[OwnNode, str]], hold: Hold | None, clock: Time) -> list[str]:
     """Why the goals of each are not held. All are asked for at once: a keeper that hangs takes its time only once."""
     if hold is None:
         return ["there is no keeper"] * len(actions)
-    left = ends.quiet - clock.now()
+    left = clock.quiet - clock.now()
     seconds = max(LEAST, min(keeper_client.TIMEOUT, left / 2))
     tasks = [partial(hold, action, node.name, max(left, 0.0) + HOLD, seconds) for node, action in actions]
     return clock.together(tasks, seconds)

@@ -99,8 +99,8 @@ class Node(OwnNode):
 
 
 def stop(node: Node, hold: Any = None, expect_node: bool = True, deadline: float = 30) -> list[str]:
-    clock = stop_command.Time(node.now, node.sleep, node.together)
-    return stop_command.stop([node], expect_node, hold, stop_command.ends_of(node.at, deadline), clock)
+    clock = stop_command.Time(deadline, node.now, node.sleep, node.together)
+    return stop_command.stop([node], expect_node, hold, clock)
 
 
 def held(node: Node) -> stop_command.Hold:
@@ -217,8 +217,8 @@ def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.Monke
     asked: list[float] = []
     wanted = Settings("/x", expect_node=True, stop_deadline=4)
 
-    def stopped(_nodes: Any, _expect: bool, _hold: Any, ends: stop_command.Ends) -> list[str]:
-        asked.append(ends.all)
+    def stopped(_nodes: Any, _expect: bool, _hold: Any, clock: stop_command.Time) -> list[str]:
+        asked.append(clock.end)
         return []
 
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: wanted)
