@@ -14,20 +14,8 @@ from typing import Any, Dict, Iterable
 from .._common.documents import Arguments
 from .._common.poll import PASS
 from .._ros.rpc import in_parallel
-from .k3s import (
-    BINARY,
-    CONFIG_DIR,
-    DATA_DIR,
-    ENCRYPTION,
-    ETCD,
-    KUBECONFIG,
-    SERVICES,
-    UNIT_CGROUP,
-    UNIT_DIRECTORY,
-    Host,
-    K3sHost,
-    token_verdict,
-)
+from . import k3s
+from .k3s import Host, K3sHost
 from .k3s_change import K3sChange
 
 Facts = Dict[str, object]  # as they are written as JSON
@@ -48,7 +36,7 @@ MODULES = ("vxlan", "ip_set")
 POLICIES = ("/usr/share/selinux/packages/k3s.pp", "/etc/selinux/targeted/active/modules/200/k3s")
 UFW_ON = re.compile(r"^ENABLED=yes\b", re.MULTILINE)
 KNOCK = 2.0  # seconds for a server of k3s
-KUBELET = f"{DATA_DIR}/agent/client-kubelet.crt"  # written anew at each start of an agent; it holds for a year
+KUBELET = f"{k3s.DATA_DIR}/agent/client-kubelet.crt"  # written anew at each start of an agent; it holds for a year
 LIFE = 360 * 86400.0
 SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
@@ -166,7 +154,7 @@ def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, boo
             except OSError:
                 continue
             if target in wanted:
-                ours = bool(UNIT_CGROUP.search(host.read(f"/proc/{pid}/cgroup")))
+                ours = bool(k3s.UNIT_CGROUP.search(host.read(f"/proc/{pid}/cgroup")))
                 owners[wanted[target]] = (host.read(f"/proc/{pid}/comm").strip(), ours)
         if len(owners) == len(wanted):
             break
@@ -174,15 +162,15 @@ def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, boo
 
 
 def k3s_leftovers(host: Host) -> dict[str, Any]:
-    config = host.read(f"{CONFIG_DIR}/config.yaml")
+    config = host.read(f"{k3s.CONFIG_DIR}/config.yaml")
     server = SERVER_URL.search(config)
-    there = {f"{unit}.service": f"{UNIT_DIRECTORY}/{unit}.service" for unit in SERVICES.values()}
+    there = {f"{unit}.service": f"{k3s.UNIT_DIRECTORY}/{unit}.service" for unit in k3s.SERVICES.values()}
     units = {unit: host.read(path) for unit, path in there.items() if host.exists(path)}
     return {
         "config": bool(config),
         "server_url": server.group(1) if server else "",
         "node_password": host.exists("/etc/rancher/node/password"),
-        "server_data": bool(host.names(f"{DATA_DIR}/server/db")),
+        "server_data": bool(host.names(f"{k3s.DATA_DIR}/server/db")),
         "agent_data": host.exists(KUBELET),
         "units": list(units),
         "foreign_units": [unit for unit, text in units.items() if "rosops.fleet" not in text],
@@ -269,7 +257,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     proven it. The token for agents may become another one, which k3s itself has written down only after its next start.
     """
     role, files, servers = asked["role"], asked["files"], asked["servers"]
-    service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
+    service, other = k3s.SERVICES[role], k3s.SERVICES["agent" if role == "server" else "server"]
     shown = host.show(service)
     # what runs now runs, however often it had to be started before
     seen = host.look(role, restarts_before=int(shown.get("NRestarts") or 0))
@@ -277,12 +265,13 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     change = last.record()
     data = there["server_data" if role == "server" else "agent_data"]
     knocks = [] if data else reach(servers, KNOCK)
-    kept, known = ([host.read(f"{place}/{name}") for name in TOKENS] for place in (CONFIG_DIR, f"{DATA_DIR}/server"))
+    places = k3s.CONFIG_DIR, f"{k3s.DATA_DIR}/server"
+    kept, known = ([host.read(f"{place}/{name}") for name in TOKENS] for place in places)
     return {
         "machine": os.uname().machine,
         "version": host.version(),
-        "files": {name: host.describe(name) for name in dict.fromkeys([*files, *asked["beside"], BINARY])},
-        "images": host.sizes(f"{DATA_DIR}/agent/images"),
+        "files": {name: host.describe(name) for name in dict.fromkeys([*files, *asked["beside"], k3s.BINARY])},
+        "images": host.sizes(f"{k3s.DATA_DIR}/agent/images"),
         "service": {
             "active": shown.get("ActiveState", "inactive"),
             "enabled": shown.get("UnitFileState") == "enabled",
@@ -292,16 +281,16 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
         "stale": host.stale(service, files),
         "ready": seen.verdict == PASS,
         "data": data,
-        "etcd": role == "server" and host.path(ETCD).exists(),
-        "encrypts": role == "server" and host.path(ENCRYPTION).exists(),
+        "etcd": role == "server" and host.path(k3s.ETCD).exists(),
+        "encrypts": role == "server" and host.path(k3s.ENCRYPTION).exists(),
         "lapsed": role == "agent" and data and time.time() - host.path(KUBELET).stat().st_mtime > LIFE,
         "tokens": {
-            "server": token_verdict(asked["token"], kept[0], known[0]),
-            "agent": token_verdict(asked["agent_token"], kept[1], "" if kept[1] else known[1]),
+            "server": k3s.token_verdict(asked["token"], kept[0], known[0]),
+            "agent": k3s.token_verdict(asked["agent_token"], kept[1], "" if kept[1] else known[1]),
         },
         "server_url": there["server_url"],
         "cgroup_refused": cgroup(host)["refused"],
         "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
         "change": {"unproven": change.unproven, "version": change.version, "renewed": last.renewed()},
-        "kubeconfig_sha256": host.describe(KUBECONFIG)["sha256"],
+        "kubeconfig_sha256": host.describe(k3s.KUBECONFIG)["sha256"],
     }

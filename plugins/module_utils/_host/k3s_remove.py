@@ -18,22 +18,12 @@ from typing import Any, Callable, Iterable, NamedTuple
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .k3s import (
-    BINARY,
-    CONFIG_DIR,
-    DATA_DIR,
-    NEIGHBOURS,
-    SERVICES,
-    SYSCTLS,
-    UNIT_CGROUP,
-    UNIT_DIRECTORY,
-    K3sHost,
-    Run,
-)
+from . import k3s
+from .k3s import K3sHost, Run
 
-UNITS = tuple(SERVICES.values())
+UNITS = tuple(k3s.SERVICES.values())
 # the binary, the one before it, one that was to come
-BINARIES = (f"{BINARY}.next", f"{BINARY}.previous", BINARY)
+BINARIES = (f"{k3s.BINARY}.next", f"{k3s.BINARY}.previous", k3s.BINARY)
 LINKS = ("/usr/local/bin/kubectl", "/usr/local/bin/crictl", "/usr/local/bin/ctr")
 STORAGE = "storage"
 OURS = (
@@ -42,9 +32,9 @@ OURS = (
     "/var/lib/rosops-fleet/log-shipper",
     "/var/lib/rosops-fleet/k3s-change.json",
     "/var/lib/rancher/rosops-fleet-images.tar",  # an archive whose transfer was cut off
-    *(f"{UNIT_DIRECTORY}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
-    *(f"{SYSCTLS}{kept}" for kept in ("", ".next", ".previous")),
-    NEIGHBOURS,
+    *(f"{k3s.UNIT_DIRECTORY}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
+    *(f"{k3s.SYSCTLS}{kept}" for kept in ("", ".next", ".previous")),
+    k3s.NEIGHBOURS,
 )
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
 # a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.
@@ -79,11 +69,11 @@ def own_processes(processes: Iterable[Process]) -> dict[int, bool]:
     Of each whether it is in a container: these get the time that a pod has to stop. A shim is nobody's to ask.
     """
     listed = list(processes)
-    k3s = {one.pid for one in listed if SHIM.search(one.command) or UNIT_CGROUP.search(one.cgroup)}
-    found = set(k3s)
+    engines = {one.pid for one in listed if SHIM.search(one.command) or k3s.UNIT_CGROUP.search(one.cgroup)}
+    found = set(engines)
     while below := {one.pid for one in listed if one.parent in found} - found:
         found |= below
-    return {pid: pid not in k3s for pid in sorted(found, reverse=True)}
+    return {pid: pid not in engines for pid in sorted(found, reverse=True)}
 
 
 def own_mounts(mounts: str) -> list[str]:
@@ -130,17 +120,17 @@ class Remover(K3sHost):
 
     def units(self) -> list[str]:
         """Stop and delete the units: nothing may start a pod again."""
-        found = [unit for unit in UNITS if self.path(f"{UNIT_DIRECTORY}/{unit}.service").exists()]
+        found = [unit for unit in UNITS if self.path(f"{k3s.UNIT_DIRECTORY}/{unit}.service").exists()]
         for unit in found if not self.dry else []:
             self.must("systemctl", "disable", "--now", f"{unit}.service")
-            self.path(f"{UNIT_DIRECTORY}/{unit}.service").unlink()
+            self.path(f"{k3s.UNIT_DIRECTORY}/{unit}.service").unlink()
         if found and not self.dry:
             self.must("systemctl", "daemon-reload")
         return found
 
     def installed(self) -> bool:
         """Whether k3s is on this host, or what a removal that was cut off has left of it."""
-        signs = [*(f"{UNIT_DIRECTORY}/{unit}.service" for unit in UNITS), CONFIG_DIR, BINARY]
+        signs = [*(f"{k3s.UNIT_DIRECTORY}/{unit}.service" for unit in UNITS), k3s.CONFIG_DIR, k3s.BINARY]
         return any(self.path(name).exists() for name in signs) or bool(self.data_paths(volumes=False))
 
     def running(self) -> list[Process]:
@@ -229,7 +219,7 @@ class Remover(K3sHost):
         links = [name for name in LINKS if self.path(name).is_symlink()]
         found += [name for name in links if Path(os.readlink(str(self.path(name)))).name == "k3s"]
         found += self.data_paths(volumes)
-        found += [name for name in (CONFIG_DIR, *BINARIES) if self.removable(name)]
+        found += [name for name in (k3s.CONFIG_DIR, *BINARIES) if self.removable(name)]
         if identity and self.path(IDENTITY).exists():
             found.append(IDENTITY)
         for name in found if not self.dry else []:
@@ -243,10 +233,10 @@ class Remover(K3sHost):
 
     def data_paths(self, volumes: bool) -> list[str]:
         """The data directory piece by piece if the volumes stay, so that theirs is never touched."""
-        names = self.names(DATA_DIR)
+        names = self.names(k3s.DATA_DIR)
         if not volumes and STORAGE in names:
-            return [f"{DATA_DIR}/{name}" for name in names if name != STORAGE]
-        return [DATA_DIR] if self.removable(DATA_DIR) else []
+            return [f"{k3s.DATA_DIR}/{name}" for name in names if name != STORAGE]
+        return [k3s.DATA_DIR] if self.removable(k3s.DATA_DIR) else []
 
     def kept_by_operator(self, name: str) -> bool:
         """Whether it is a mount point of the operator's: emptied, not deleted."""
