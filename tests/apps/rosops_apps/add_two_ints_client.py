@@ -89,5 +89,4 @@ def request_answers(rate: float, persistent: bool, directory: Path) -> None:
 
 
 def main() -> None:
-    """Run it."""
     node.run("add_two_ints_client", read_settings, request_answers)

@@ -38,5 +38,4 @@ def serve(name: str) -> None:
 
 
 def main() -> None:
-    """Run it."""
     node.run("add_two_ints_server", read_settings, serve)

@@ -18,8 +18,6 @@ def batch_numbers(batch: int) -> list[int]:
 
 def prime_factors(number: int) -> Iterator[int]:
     """The prime factors of a number above 0, the smallest first; each as often as it divides."""
-    if number < 1:
-        raise ValueError(f"{number} has no prime factors")
     divisor = 2
     while divisor * divisor <= number:
         while number % divisor == 0:

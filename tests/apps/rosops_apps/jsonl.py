@@ -31,7 +31,6 @@ class JsonLinesLog:
             os.write(self._file, b"\n")
 
     def write(self, record: dict[str, Any]) -> None:
-        """Append the record."""
         os.write(self._file, json.dumps(record, separators=(",", ":")).encode() + b"\n")
         if self._clock() - self._synced >= self._sync_seconds:
             self.sync()

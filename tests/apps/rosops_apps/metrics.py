@@ -45,7 +45,6 @@ class Metrics:
             self._failures += more
 
     def text(self) -> str:
-        """The exposition."""
         with self._lock:
             requests, failures, counts, seconds = self._requests, self._failures, list(self._counts), self._seconds
         lines = [

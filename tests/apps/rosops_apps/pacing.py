@@ -18,8 +18,6 @@ class SampleClock:
     """
 
     def __init__(self, rate: float, wall: float, monotonic: float) -> None:
-        if not rate > 0:
-            raise ValueError(f"the rate must be above 0, not {rate}")
         self.rate = rate
         self._offset = wall - monotonic
         self._followed = monotonic

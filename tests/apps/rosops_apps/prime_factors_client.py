@@ -126,5 +126,4 @@ def pause(seconds: float) -> None:
 
 
 def main() -> None:
-    """Run it."""
     node.run("prime_factors_client", read_settings, send_batches)

@@ -145,5 +145,4 @@ def wait_for(worker: threading.Thread, seconds: float = math.inf) -> None:
 
 
 def main() -> None:
-    """Run it."""
     node.run("prime_factors_server", read_settings, serve)

@@ -93,11 +93,9 @@ def choice(name: str, allowed: tuple[str, ...], environ: Environ = None) -> str:
     return text
 
 
-def metrics_port(environ: Environ = None) -> int | None:
-    """The port of the metrics; without METRICS_PORT there are none."""
-    if not _get("METRICS_PORT", environ):
-        return None
-    port = whole("METRICS_PORT", 0.0, environ)
+def metrics_port(environ: Environ = None) -> int:
+    """The port of the metrics; 0 without METRICS_PORT: there are none."""
+    port = whole("METRICS_PORT", 0, environ)
     if port > 65535:
         raise SettingError(f"METRICS_PORT must be a port, 1 to 65535, not {port}")
     return port

@@ -28,7 +28,6 @@ class RunningStats:
         self._window: deque[float] = deque(maxlen=window)
 
     def add(self, value: float) -> None:
-        """Take one value in."""
         self.count += 1
         delta = value - self.average
         self.average += delta / self.count
@@ -45,12 +44,10 @@ class RunningStats:
     @property
     def moving_average(self) -> float:
         """Of the last values, summed afresh: a sum carried along would drift over days."""
-        return float(mean(self._window)) if self._window else 0.0
+        return float(mean(self._window))
 
     def report(self) -> dict[str, Any]:
-        """The figures by name; without values only the count."""
-        if not self.count:
-            return {"count": 0}
+        """The figures by name, once there is a value."""
         return {
             "count": self.count,
             "minimum": self.minimum,

@@ -104,5 +104,4 @@ def record(sensor: Sensor, log: JsonLinesLog) -> None:
 
 
 def main() -> None:
-    """Run it."""
     node.run("temperature_publisher", read_settings, publish)

@@ -128,5 +128,4 @@ def record(account: Account, log: JsonLinesLog, *, idle: bool = True) -> None:
 
 
 def main() -> None:
-    """Run it."""
     node.run("temperature_subscriber", read_settings, subscribe)

@@ -25,12 +25,6 @@ def test_factors(number: int, factors: list[int]) -> None:
     assert list(prime_factors(number)) == factors
 
 
-@pytest.mark.parametrize("number", [0, -6])
-def test_no_factors(number: int) -> None:
-    with pytest.raises(ValueError, match="has no prime factors"):
-        list(prime_factors(number))
-
-
 @pytest.mark.parametrize(
     ("answers", "counted"),
     [

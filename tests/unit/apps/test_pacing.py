@@ -79,11 +79,6 @@ def test_pending(last: int, current: int, numbers: list[int], given_up: int) -> 
     assert (list(pending(last, current, 5)[0]), pending(last, current, 5)[1]) == (numbers, given_up)
 
 
-def test_rate_must_be_positive() -> None:
-    with pytest.raises(ValueError, match="above 0"):
-        SampleClock(0, 0.0, 0.0)
-
-
 def test_readings_stay_in_the_sensor_s_range_and_differ() -> None:
     readings = [celsius(n, 500) for n in range(0, 30_000, 7)]
     assert 16.8 < min(readings) < 17.2
