@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import json_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 
 
 def test_it_reads_what_the_library_reads() -> None:
@@ -22,8 +21,3 @@ def test_what_is_none_or_does_harm(text: Any) -> None:
     with pytest.raises(ValueError):
         json_of(text)
     assert time.process_time() - began < 1
-
-
-@pytest.mark.parametrize("spoilt", ["[" * 100_000, '{"ends": Infinity}', '{"ready_timeout": "never"}'])
-def test_a_record_that_somebody_spoilt_is_none(spoilt: str) -> None:
-    assert record_of({"data": {"contract.json": spoilt}}).revision == ""

@@ -75,33 +75,6 @@ def test_version() -> None:
     assert _k3s.version_of("not k3s") == ""
 
 
-@pytest.mark.parametrize(
-    ("shown", "verdict", "part"),
-    [
-        (ACTIVE, "pass", "active (running)"),
-        ({**ACTIVE, "ActiveState": "activating", "SubState": "start"}, "wait", "activating (start)"),
-        ({**ACTIVE, "ActiveState": "failed", "Result": "exit-code"}, "fail", "failed: exit-code"),
-        ({**ACTIVE, "ActiveState": "activating", "NRestarts": "9", "Result": "exit-code"}, "fail", "started 4 times"),
-        ({**ACTIVE, "NRestarts": "7"}, "pass", "active"),
-        ({"LoadState": "not-found", "ActiveState": "inactive"}, "fail", "not-found"),
-        ({}, "fail", "unknown"),
-    ],
-)
-def test_what_systemd_says(shown: dict[str, str], verdict: str, part: str) -> None:
-    seen = _k3s.service_verdict(shown, restarts_before=5 if "NRestarts" in shown and shown["NRestarts"] != "0" else 0)
-    assert seen.verdict == verdict
-    assert part in seen.observed
-
-
-@pytest.mark.parametrize(("conditions", "verdict"), [
-    ([], "pass"), ([{"type": "EtcdIsVoter", "status": "True"}], "pass"),
-    ([{"type": "EtcdIsVoter", "status": "False", "message": "Node is a learner"}], "wait"),
-    ([{"type": "Ready", "status": "False"}], "pass"),
-])  # fmt: skip
-def test_a_learner_has_no_vote(conditions: list[dict[str, str]], verdict: str) -> None:
-    assert _k3s.member_verdict({"status": {"conditions": conditions}}).verdict == verdict
-
-
 class Commands:
     """Answers by the words of a command."""
 
@@ -117,24 +90,43 @@ def systemctl(**changes: str) -> tuple[int, str, str]:
     return 0, "\n".join(f"{key}={value}" for key, value in {**ACTIVE, **changes}.items()), ""
 
 
-AGENT_UP, UP = {"show k3s-agent": systemctl()}, {"show k3s": systemctl(), "/readyz": (0, "ok", "")}
-VOTER = json.dumps({"status": {"conditions": [{"type": "EtcdIsVoter", "status": "True"}]}})
+UP = {"show k3s": systemctl(), "/readyz": (0, "ok", "")}
+
+
+def node(**condition: str) -> dict[str, tuple[int, str, str]]:
+    return {**UP, "/nodes/edge2": (0, json.dumps({"status": {"conditions": [condition] if condition else []}}), "")}
+
+
+def agent(**changes: str) -> dict[str, tuple[int, str, str]]:
+    return {"show k3s-agent": systemctl(**changes)}
 
 
 @pytest.mark.parametrize(
-    ("role", "member", "answers", "verdict", "observed"),
+    ("role", "answers", "verdict", "observed"),
     [
-        ("agent", "", AGENT_UP, "pass", "the unit is active (running)"),  # without a word to the server
-        ("server", "", {**UP, "/readyz": (1, "", "connection refused")}, "wait", "/readyz: connection refused"),
-        ("server", "", UP, "pass", "the unit is active (running)"),
-        ("server", "edge2", {**UP, "/nodes/edge2": (1, "", "not found")}, "wait", "Node edge2: not found"),
-        ("server", "edge2", {**UP, "/nodes/edge2": (0, VOTER, "")}, "pass", "etcd member has a vote"),
+        ("agent", agent(), "pass", "the unit is active (running)"),  # without a word to the server
+        ("agent", agent(NRestarts="7"), "pass", "the unit is active (running)"),
+        ("agent", agent(ActiveState="activating", SubState="start"), "wait", "the unit is activating (start)"),
+        ("server", {"show k3s": systemctl(ActiveState="failed", Result="exit-code")}, "fail",
+         "the unit failed: exit-code"),
+        ("agent", agent(NRestarts="9", Result="exit-code"), "fail",
+         "the unit keeps ending: started 4 times again, last result exit-code"),
+        ("agent", agent(LoadState="not-found"), "fail", "the unit is not-found"),
+        ("agent", {"show k3s-agent": (0, "", "")}, "fail", "the unit is unknown"),
+        ("server", {**UP, "/readyz": (1, "", "connection refused")}, "wait", "/readyz: connection refused"),
+        ("server", UP, "pass", "the unit is active (running)"),
+        ("edge2", {**UP, "/nodes/edge2": (1, "", "not found")}, "wait", "Node edge2: not found"),
+        ("edge2", node(type="EtcdIsVoter", status="True"), "pass", "etcd member has a vote"),
+        ("edge2", node(type="EtcdIsVoter", status="False", message="it learns"), "wait",
+         "etcd member has no vote yet: it learns"),
+        ("edge2", node(type="Ready", status="False"), "pass", "etcd member has a vote"),
+        ("edge2", node(), "pass", "etcd member has a vote"),  # another datastore
     ],
-)
-def test_what_is_ready(
-    role: str, member: str, answers: dict[str, tuple[int, str, str]], verdict: str, observed: str
-) -> None:
-    seen = K3sHost(Commands(answers)).look(role, member)
+)  # fmt: skip
+def test_what_is_ready(role: str, answers: dict[str, tuple[int, str, str]], verdict: str, observed: str) -> None:
+    """A server that shares its datastore has a name, and is to have a vote."""
+    member = role if role == "edge2" else ""
+    seen = K3sHost(Commands(answers)).look("server" if member else role, member, restarts_before=5)
     assert (seen.verdict, seen.observed) == (verdict, observed)
 
 

@@ -147,7 +147,13 @@ def test_what_soaks(said: dict[str, Any], revision: str, note: str, *, soaking: 
     assert soaks(there, {}) is False
 
 
-@pytest.mark.parametrize("text", ["", "no JSON", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "no JSON", "{}", "[3]", "[" * 100_000, '[{"revision": "x"}]', '[{"deployment": 3}]', '{"ends": Infinity}',
+        '{"ready_timeout": "never"}',
+    ],
+)  # fmt: skip
 def test_what_somebody_spoilt_is_not_there(text: str) -> None:
     assert record_of({"data": {"history.json": text, "contract.json": text}}) == Record()
 
