@@ -121,20 +121,15 @@ def test_the_way_back_is_what_was_there(machine: Machine) -> None:
     assert machine.there() == OLD
 
 
-def test_a_second_try_goes_back_to_what_was_proven(machine: Machine) -> None:
+@pytest.mark.parametrize(("is_proven", "kept"), [(False, OLD), (True, NEW)])
+def test_a_next_change_goes_back_to_what_was_proven(machine: Machine, is_proven: bool, kept: dict[str, str]) -> None:
     switch(machine)
+    if is_proven:
+        machine.change.prove()
     switch(machine, {BINARY: "v1.34.4+k3s1", CONFIG: "a: 3"})
-    assert machine.change.record().version == OLD[BINARY]
+    assert machine.change.record().version == kept[BINARY]
     machine.change.back()
-    assert machine.there() == OLD
-
-
-def test_what_is_proven_is_what_the_next_change_keeps(machine: Machine) -> None:
-    switch(machine)
-    machine.change.prove()
-    switch(machine, {BINARY: "v1.34.4+k3s1"})
-    machine.change.back()
-    assert machine.there() == {**NEW}
+    assert machine.there() == kept
 
 
 def test_nothing_is_exchanged_where_something_is_missing(machine: Machine) -> None:

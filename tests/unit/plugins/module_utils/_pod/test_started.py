@@ -356,9 +356,6 @@ def renewed(world: World, clock: Clock | None = None, **more: Any) -> str:
     ("offered", "lacking"),
     [
         (("/out", "/in", "/add"), ""),
-        (("/in", "/add"), UNPUBLISHED),
-        (("/out", "/add"), f"{BEFORE}does not subscribe to /in"),
-        (("/out", "/in"), f"{BEFORE}does not offer the service /add"),
         ((), f"{UNPUBLISHED}; {BEFORE}does not subscribe to /in; does not offer the service /add"),
     ],
 )
