@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host, K3sHost
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
 
 def tree(tmp_path: Path, files: dict[str, str]) -> Host:
@@ -150,13 +151,8 @@ def test_what_the_system_says_of_itself(tmp_path: Path) -> None:
     assert found["board"] == "Raspberry Pi 4 Model B Rev 1.4"
 
 
-def test_ports_are_open_or_refuse() -> None:
-    with socket.socket() as listener, socket.socket() as silent:
-        listener.bind(("127.0.0.1", 0))
-        listener.listen()
-        silent.bind(("127.0.0.1", 0))  # bound and not listening: the kernel refuses
-        ports = [listener.getsockname()[1], silent.getsockname()[1]]
-        found = _host_facts.reach([f"127.0.0.1:{port}" for port in ports], 2)
+def test_ports_are_open_or_refuse(peers: Peers) -> None:
+    found = _host_facts.reach([f"127.0.0.1:{port}" for port in (peers.hung(), peers.dead())], 2)
     assert [target["outcome"] for target in found] == ["open", "refused"]
 
 

@@ -6,12 +6,12 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import exec as exec_command
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
 
 CODE = Path(exec_command.__file__).read_text("utf-8")
 
@@ -28,11 +28,9 @@ def test_the_masters_address(uri: str, address: tuple[str, int]) -> None:
     assert exec_command.address_of({"ROS_MASTER_URI": uri}) == address
 
 
-def test_a_master_that_is_away_is_not_waited_for_for_ever() -> None:
-    with socket.socket() as nobody:
-        nobody.bind(("127.0.0.1", 0))  # and does not listen
-        began = time.monotonic()
-        assert not exec_command.reachable(nobody.getsockname(), 0.3)
+def test_a_master_that_is_away_is_not_waited_for_for_ever(peers: Peers) -> None:
+    began = time.monotonic()
+    assert not exec_command.reachable(("127.0.0.1", peers.dead()), 0.3)
     assert 0.3 <= time.monotonic() - began < 5
 
 
@@ -60,24 +58,12 @@ def test_the_command_begins_when_the_master_listens(tmp_path: Path) -> None:
     assert int(words[-1], 16) & (1 << 12) == 0, "SIGPIPE is ignored"
 
 
-@pytest.fixture
-def listening() -> int:
-    master = socket.create_server(("127.0.0.1", 0))
-    threading.Thread(target=lambda: master.accept() and master.close(), daemon=True).start()
-    return int(master.getsockname()[1])
-
-
-def test_who_waits_can_be_stopped(tmp_path: Path) -> None:
+def test_who_waits_can_be_stopped(tmp_path: Path, peers: Peers) -> None:
     """The first process of a container is deaf to signals that it does not ask for."""
-    with socket.socket() as master:
-        master.bind(("127.0.0.1", 0))
-        process = started(tmp_path, master.getsockname()[1], "true")
-        deadline = time.monotonic() + 20
-        while not caught(process.pid, signal.SIGTERM):
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-        process.terminate()
-        assert process.wait(timeout=20) == 143
+    process = started(tmp_path, peers.dead(), "true")
+    until(lambda: caught(process.pid, signal.SIGTERM))
+    process.terminate()
+    assert process.wait(timeout=20) == 143
 
 
 def caught(pid: int, number: int) -> bool:
@@ -86,14 +72,14 @@ def caught(pid: int, number: int) -> bool:
     return bool(int(mask, 16) & (1 << (number - 1)))
 
 
-def test_without_a_command_it_ends_when_one_could_begin(tmp_path: Path, listening: int) -> None:
-    assert started(tmp_path, listening).wait(timeout=20) == 0
+def test_without_a_command_it_ends_when_one_could_begin(tmp_path: Path, peers: Peers) -> None:
+    assert started(tmp_path, peers.hung()).wait(timeout=20) == 0
 
 
 @pytest.mark.parametrize(
     ("command", "code", "why"), [("/nowhere/node", 127, "No such file or directory"), ("/", 126, "Permission denied")]
 )
-def test_a_command_that_cannot_be_started(tmp_path: Path, listening: int, command: str, code: int, why: str) -> None:
-    process = started(tmp_path, listening, command)
+def test_a_command_that_cannot_be_started(tmp_path: Path, peers: Peers, command: str, code: int, why: str) -> None:
+    process = started(tmp_path, peers.hung(), command)
     _out, err = process.communicate(timeout=20)
     assert (process.returncode, err) == (code, f"rosops.fleet: cannot start {command}: {why}\n")

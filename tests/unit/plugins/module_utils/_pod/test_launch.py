@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import launch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import Clock
 
 REVISION, OLD = "1a2b3c4d", "99999999"
 NAMES = launch.Names(["/camera", "/camera/driver", "/front/lidar"], REVISION)
@@ -130,14 +131,12 @@ def test_a_held_node_begins_when_nobody_listens_any_more_where_the_old_one_was()
     assert launch.Waiting(places.__getitem__, listening.__contains__).over("/front/lidar", [])
 
 
-class Clock:
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.at = 0.0
-        monkeypatch.setattr(launch, "clock", lambda: self.at)
-        monkeypatch.setattr(launch.time, "sleep", self.sleep)
-
-    def sleep(self, seconds: float) -> None:
-        self.at += seconds
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(launch, "clock", made.now)
+    monkeypatch.setattr(launch.time, "sleep", made.sleep)
+    return made
 
 
 class Graph:
@@ -174,11 +173,8 @@ HERE = f"/camera_{REVISION}/"
 SLOW = {0.0: set(), 1.0: {HERE + "a"}, 2.0: {HERE + "a", HERE + "b"}, 20.0: {HERE + "a", HERE + "b", HERE + "c"}}
 
 
-def test_private_names_are_learnt_beside_the_version_before_and_held_nodes_begin_after_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_private_names_are_learnt_beside_the_version_before_and_held_nodes_begin_after_it(clock: Clock) -> None:
     """Who does the work alone is not started once more, whatever it still has to say."""
-    clock = Clock(monkeypatch)
     graph = Graph(clock, SLOW, {0.0: {"/front/lidar_99999999"}, 7.0: set()})
     waiting = launch.Waiting(lambda _node: ("10.0.0.1", 1), lambda _place: clock.at < 8.0)
     launch.attend(graph, graph, waiting)
@@ -186,9 +182,8 @@ def test_private_names_are_learnt_beside_the_version_before_and_held_nodes_begin
     assert clock.at == 8.0
 
 
-def test_at_the_very_first_start_a_node_has_a_minute_to_say_its_names(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_the_very_first_start_a_node_has_a_minute_to_say_its_names(clock: Clock) -> None:
     """One may load a model before it does."""
-    clock = Clock(monkeypatch)
     graph = Graph(clock, SLOW, {0.0: set()})
     launch.attend(graph, graph, launch.Waiting(lambda _node: ("", 0)))
     assert graph.log == [

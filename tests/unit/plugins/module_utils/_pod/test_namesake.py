@@ -9,6 +9,7 @@ import threading
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import namesake
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import Clock
 
 NODE = "/planner"
 
@@ -90,17 +91,10 @@ def test_a_name_given_up_in_silence_is_free(master: Master, monkeypatch: pytest.
         assert waiting.over(5)
 
 
-def test_a_master_that_answers_nothing_is_not_waited_for_for_ever() -> None:
-    clock = [0.0]
-
-    def sleep(seconds: float) -> None:
-        clock[0] += seconds
-
-    with socket.socket() as nobody:
-        nobody.bind(("127.0.0.1", 0))  # and does not listen
-        uri = f"http://127.0.0.1:{nobody.getsockname()[1]}"
-        namesake.wait_for_its_end(uri, NODE, "", now=lambda: clock[0], sleep=sleep)
-    assert clock[0] == pytest.approx(namesake.PATIENCE, abs=1)
+def test_a_master_that_answers_nothing_is_not_waited_for_for_ever(peers: Peers) -> None:
+    clock = Clock()
+    namesake.wait_for_its_end(f"http://127.0.0.1:{peers.dead()}", NODE, "", clock.now, clock.sleep)
+    assert clock.at == pytest.approx(namesake.PATIENCE, abs=1)
 
 
 def test_a_command_that_is_not_there_shows_at_once(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
