@@ -11,6 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_change
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import Change, K3sChange
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import Clock
 
 BINARY, CONFIG = "/usr/local/bin/k3s", "/etc/rancher/k3s/config.yaml"
 DB = "/var/lib/rancher/k3s/server/db"
@@ -30,12 +31,9 @@ class Machine:
         self.root, self.asked = root, list[list[str]]()
         self.fails, self.saved, self.full = "", 0, False
         self.put({**OLD, **files})
-        self.time, self.stops_at = 0.0, 0.0
+        self.clock, self.stops_at = Clock(), 0.0
         self.change = K3sChange(self.run, role, str(root))
-        self.change.now, self.change.sleep = lambda: self.time, self.sleep
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
+        self.change.now, self.change.sleep = self.clock.now, self.clock.sleep
 
     def put(self, files: dict[str, str]) -> None:
         for name, text in files.items():
@@ -51,7 +49,7 @@ class Machine:
         if command[-1] == "--version":
             return 0, f"k3s version {Path(command[0]).read_text()} (1a2b3c)\n", ""
         if command[:2] == ["systemctl", "show"]:
-            again = any(words[1] == "restart" for words in self.asked) and self.time >= self.stops_at
+            again = any(words[1] == "restart" for words in self.asked) and self.clock.at >= self.stops_at
             return 0, f"{len(self.asked) if again else 'first'}\n", ""
         self.asked.append([Path(command[0]).name, *command[1:]])
         failed = bool(self.fails) and self.fails in " ".join(command)
@@ -101,7 +99,7 @@ def test_what_is_staged_comes_and_what_was_there_is_kept(machine: Machine) -> No
 def test_it_waits_for_the_end_of_the_process_before(machine: Machine) -> None:
     machine.stops_at = 30.0
     switch(machine)
-    assert machine.time == pytest.approx(30.0, abs=0.3)
+    assert machine.clock.at == pytest.approx(30.0, abs=0.3)
     machine.asked, machine.stops_at = [], 1000.0
     with pytest.raises(FleetError, match="k3s did not stop within 120 s"):
         machine.change.back()

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import signal
 from pathlib import Path
-from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_remove
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_remove import Process, Remover
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import Clock
 
 SHIM = "containerd-shim-runc-v2 -namespace k8s.io -id 1a -address /run/k3s/containerd/containerd.sock"
 DOCKERS = "/usr/bin/containerd-shim-runc-v2 -namespace moby -id 9f -address /run/containerd/containerd.sock"
@@ -79,16 +79,15 @@ def test_other_firewall_rules_stay() -> None:
     assert len(own) == 4
 
 
-PODMANS = ["var/lib/cni/networks/podman/10.88.0.5", "var/lib/cni/results/podman-2b-eth0"]
-
-
 class Commands:
     def __init__(self) -> None:
         self.asked: list[list[str]] = []
-        self.rules = RULES
+        self.rules, self.fails = RULES, list[str]()
 
     def __call__(self, command: list[str], data: str | None = None) -> tuple[int, str, str]:
         self.asked.append(command)
+        if command == self.fails:
+            return 32, "", "busy"
         return (0, self.rules, "") if command[0].endswith("-save") else (0, data or "", "")
 
 
@@ -132,7 +131,7 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
     left = sorted(str(path.relative_to(host)) for path in host.rglob("*") if path.is_file())
     assert left == [
         "etc/rancher/node/password", "etc/sysctl.d/90-kubelet.conf", "proc/self/mounts", "sys/class/net/cni0/mtu",
-        "usr/local/bin/kubectl", *PODMANS,
+        "usr/local/bin/kubectl", "var/lib/cni/networks/podman/10.88.0.5", "var/lib/cni/results/podman-2b-eth0",
         "var/lib/rancher/k3s/storage/pvc-1/data", "var/lib/rosops-fleet/claims/mine",
     ]  # fmt: skip
 
@@ -177,14 +176,7 @@ def test_nothing_is_deleted_through_a_mount_and_the_next_removal_goes_on(host: P
 def test_a_mount_that_hangs_is_detached(host: Path) -> None:
     subject, commands = remover(host)
     (host / "proc/self/mounts").write_text(NFS)
-    original = commands.__call__
-
-    def run(command: list[str], **options: Any) -> tuple[int, str, str]:
-        return (
-            (32, "", "busy") if command == ["umount", "/var/lib/kubelet/pods/1/nfs"] else original(command, **options)
-        )
-
-    subject.run = run
+    commands.fails = ["umount", "/var/lib/kubelet/pods/1/nfs"]
     assert subject.mounts() == ["/var/lib/kubelet/pods/1/nfs"]
     assert ["umount", "--lazy", "/var/lib/kubelet/pods/1/nfs"] in commands.asked
 
@@ -204,24 +196,21 @@ class Running(Remover):
 
     def __init__(self, host: Path) -> None:
         super().__init__(Commands(), lambda _name: None, dry=False, root=str(host))
-        self.time, self.killed, self.asked = 0.0, set[int](), dict[int, float]()
-        self.kill = self._kill
-        self.now, self.sleep = lambda: self.time, self._sleep
-
-    def _sleep(self, seconds: float) -> None:
-        self.time += seconds
+        self.killed, self.asked = set[int](), dict[int, float]()
+        self.clock, self.kill = Clock(), self._kill
+        self.now, self.sleep = self.clock.now, self.clock.sleep
 
     def _kill(self, pid: int, number: int) -> None:
         if pid not in [process.pid for process in self.running()]:
             raise ProcessLookupError
         if number == signal.SIGTERM:
-            self.asked[pid] = self.time
+            self.asked[pid] = self.clock.at
         else:
             self.killed.add(pid)
 
     def running(self) -> list[Process]:
         pods = [Process(62, 60, "driver", "0::/kubepods/pod1"), Process(63, 60, "deaf", "0::/kubepods/pod1")]
-        stopped = {62} if self.time - self.asked.get(62, self.time) >= 3 else set()
+        stopped = {62} if self.clock.at - self.asked.get(62, self.clock.at) >= 3 else set()
         return [one for one in [Process(60, 1, SHIM, ""), *pods] if one.pid not in {*self.killed, *stopped}]
 
 
@@ -230,4 +219,4 @@ def test_pods_have_time_to_stop_before_they_are_killed(host: Path) -> None:
     assert set(subject.processes()) == {60, 62, 63}
     assert subject.killed == {60, 63}
     assert set(subject.asked) == {62, 63}
-    assert 30 <= subject.time < 32
+    assert 30 <= subject.clock.at < 32

@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import own_node, state
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import OwnNode, own_nodes
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
 
 NODE = "/arm"
 SETTINGS, NAMELESS = Settings(NODE, expect_node=True), Settings("")
@@ -241,8 +241,7 @@ def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:
     began = time.monotonic()
     OwnNode(NODE, f"http://127.0.0.1:{peers.tcp(talk)}/", {}, SETTINGS).shut_down()
     assert time.monotonic() - began < 5
-    while b"<methodName>shutdown</methodName>" not in b"".join(got):
-        assert time.monotonic() - began < 10
+    until(lambda: b"<methodName>shutdown</methodName>" in b"".join(got))
     ended.set()
 
 
