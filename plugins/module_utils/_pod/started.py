@@ -200,10 +200,9 @@ class Starting:
         began = self.now()
         graph = self.ros.ask(state, first_questions(state, found))
         own = [graph.node(name) for name in found]
-        elsewhere = [node for node in own if node.reachable and not self.outside.is_here(node.uri)]
-        if elsewhere:
-            node = elsewhere[0]
-            return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
+        for node in own:
+            if node.reachable and not self.outside.is_here(node.uri):
+                return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
         graph = self.silence.noted(self._peers(state, graph, found), began)
         self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(graph, found)}
         self._introduce(graph)

@@ -293,10 +293,8 @@ def test_a_call_is_a_question_without_an_answer(listener: socket.socket) -> None
             assert own_node.calls_under_way(ports) == 1
             assert own_node.calls_under_way({1}) == 0
             client.gets()
-            client.server.setblocking(False)
             if not read:
                 client.server.recv(100)
-            client.server.setblocking(True)
             assert own_node.calls_under_way(ports) == 0
         client.asks()
         client.gets()

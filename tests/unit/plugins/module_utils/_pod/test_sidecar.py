@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import sidecar
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.exec import reachable
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
 CODE = Path(sidecar.__file__).read_text("utf-8")
@@ -45,12 +46,7 @@ def running(tmp_path: Path, port: int) -> Iterator[subprocess.Popen[str]]:
     script.write_text(CODE + ENTRY)
     command = [sys.executable, "-I", "-S", str(script), "sidecar", str(port), "--after", str(tmp_path / "gone")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own
-        while process.poll() is None:
-            try:
-                socket.create_connection(("127.0.0.1", port), 1).close()
-                break
-            except ConnectionRefusedError:
-                continue
+        assert reachable(("127.0.0.1", port))
         yield process
         process.kill()
 
