@@ -53,6 +53,7 @@ def test_a_holder_that_died_is_waited_for_from_its_last_renewal_on_by_our_own_cl
     for seconds, over in ((20, False), (29, False), (1, True)):
         clock.time += seconds
         assert theirs.acquire().mine is over
+    assert theirs.acquire().since == "2023-11-14T22:13:20.000000Z"  # not since when the dead one had it
 
 
 def test_of_two_at_once_one_has_it(kube: Kube, monkeypatch: pytest.MonkeyPatch) -> None:
