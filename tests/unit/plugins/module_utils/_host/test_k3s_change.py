@@ -77,8 +77,7 @@ def machine(tmp_path: Path) -> Machine:
     return Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/etcd/member": ""})
 
 
-def switch(machine: Machine, files: dict[str, str] | None = None) -> Change:
-    files = NEW if files is None else files
+def switch(machine: Machine, files: dict[str, str] = NEW) -> Change:
     machine.stage(files)
     return machine.change.switch(list(files), [ENVIRONMENT])
 
