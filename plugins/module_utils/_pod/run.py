@@ -30,15 +30,39 @@ ARCHIVE = "code.json.gz"  # of the modules: `_ros.gate` -> its source, as JSON; 
 GZIP = 31  # zlib's word for it
 
 
-class Archive:
-    """Opened at the start, and read when the first module has to be compiled.
+class Loader(SourceFileLoader):
+    """Takes a module's source out of the archive, and what was compiled from the disk.
 
-    So whatever a process imports late is of the version that it was started with: a file that the kubelet replaces is
-    there for as long as it is open.
+    Knows whether a module had to be compiled, and what came of it was kept.
     """
 
-    def __init__(self, path: str) -> None:
-        self.file = os.open(path, os.O_RDONLY)
+    compiled = False
+
+    def __init__(self, name: str, path: str, rooms: Rooms) -> None:
+        super().__init__(name, path)
+        self.rooms = rooms
+
+    def path_stats(self, _path: str) -> dict[str, int | None]:
+        return {"mtime": self.rooms.version, "size": None}
+
+    def get_data(self, path: str) -> bytes:
+        source = self.rooms.source(self.name[len(ROOT) + 1 :]) if path == self.path else None
+        return super().get_data(path) if source is None else source.encode()
+
+    def set_data(self, path: str, data: bytes, *, _mode: int = 0) -> None:  # type: ignore[override] # of typing
+        super().set_data(path, data, _mode=0o644)
+        Loader.compiled = Loader.compiled or os.path.exists(path)
+
+
+class Rooms:
+    """Finds the module `_ros.gate` by a path that is mostly no file, `_ros.gate.py`; `_ros` is a directory.
+
+    Opens the archive at the start, and reads it when the first module has to be compiled. So whatever a process imports
+    late is of the version that it was started with: a file that the kubelet replaces is there as long as it is open.
+    """
+
+    def __init__(self, directory: str) -> None:
+        self.directory, self.file = directory, os.open(f"{directory}/{ARCHIVE}", os.O_RDONLY)
         status = os.fstat(self.file)
         self.version = status.st_mtime_ns + status.st_size  # a compiled module keeps 32 bits of it
         self.sources: dict[str, str] = {}
@@ -54,37 +78,6 @@ class Archive:
                 self.sources = json.loads(zlib.decompress(file.read(), GZIP))
         return self.sources.get(module)
 
-
-class Loader(SourceFileLoader):
-    """Takes a module's source out of the archive, and what was compiled from the disk.
-
-    Knows whether a module had to be compiled, and what came of it was kept.
-    """
-
-    compiled = False
-
-    def __init__(self, name: str, path: str, archive: Archive) -> None:
-        super().__init__(name, path)
-        self.archive = archive
-
-    def path_stats(self, _path: str) -> dict[str, int | None]:
-        return {"mtime": self.archive.version, "size": None}
-
-    def get_data(self, path: str) -> bytes:
-        source = self.archive.source(self.name[len(ROOT) + 1 :]) if path == self.path else None
-        return super().get_data(path) if source is None else source.encode()
-
-    def set_data(self, path: str, data: bytes, *, _mode: int = 0) -> None:  # type: ignore[override] # of typing
-        super().set_data(path, data, _mode=0o644)
-        Loader.compiled = Loader.compiled or os.path.exists(path)
-
-
-class Rooms:
-    """Finds the module `_ros.gate` by a path that is mostly no file, `_ros.gate.py`; `_ros` is a directory."""
-
-    def __init__(self, directory: str) -> None:
-        self.directory, self.archive = directory, Archive(f"{directory}/{ARCHIVE}")
-
     def find_spec(self, name: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
         root, _dot, module = name.partition(".")
         if root != ROOT:
@@ -92,7 +85,7 @@ class Rooms:
         if "." not in module:
             return ModuleSpec(name, None, is_package=True)
         file = f"{self.directory}/{module}.py"
-        spec = ModuleSpec(name, Loader(name, file, self.archive), origin=file)
+        spec = ModuleSpec(name, Loader(name, file, self), origin=file)
         spec.has_location = True
         return spec
 
