@@ -10,7 +10,6 @@ contradicts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Iterable, Mapping, Sequence
 
 from .._common.poll import FAIL, PASS, WAIT
@@ -23,15 +22,6 @@ from .._ros.names import is_tool
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """What the own nodes have to show. `contract`: None where no update is under way."""
-
-    nodes: tuple[str, ...]
-    contract: Contract | None = None
-    min_rates: Mapping[str, float] = field(default_factory=dict)
 
 
 def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
@@ -67,28 +57,28 @@ def gaps(graph: Graph, own: Sequence[str]) -> list[EdgeCondition]:
     return [gap for gap in found if gap.topic not in UNCOUNTED]
 
 
-def is_forgiven(gap: EdgeCondition, wanted: Wanted, seconds: float) -> bool:
+def is_forgiven(gap: EdgeCondition, contract: Contract | None, seconds: float) -> bool:
     """Whether a connection that has been missing for so long need not be waited for, though its peer lives.
 
     A peer that had the version before must have this one, too, however long ago the connection began to be missing.
     """
     edge = gap.publisher, gap.topic, gap.subscriber
-    return wanted.contract is not None and edge not in wanted.contract.edges and seconds >= PATIENCE
+    return contract is not None and edge not in contract.edges and seconds >= PATIENCE
 
 
-def judge(graph: Graph, wanted: Wanted, awaited: Iterable[EdgeCondition]) -> list[Check]:
+def judge(graph: Graph, own: Iterable[str], contract: Contract | None, awaited: Iterable[EdgeCondition]) -> list[Check]:
     """All but rates and handshakes, which are read once all of this passes. `awaited`: the gaps that count."""
-    nodes = [graph.node(name) for name in wanted.nodes]
+    nodes = [graph.node(name) for name in own]
     checks = [check_node(graph, node.name) for node in nodes]
     alive = [node for node in nodes if node.reachable]
     if not alive:
         return checks
-    if wanted.contract:
-        checks += _promised(graph, alive, wanted.contract)
+    if contract:
+        checks += _promised(graph, alive, contract)
     untold = [node.name for node in alive if node.connections is None]
     checks += [Check("node", name, WAIT, "it does not tell its connections") for name in untold]
     checks += [check_edge(graph, gap) for gap in awaited]
-    return [*checks, *(_served(graph, own, name) for own in alive for name in own.services)]
+    return [*checks, *(_served(graph, node, name) for node in alive for name in node.services)]
 
 
 def _promised(graph: Graph, own: list[Node], contract: Contract) -> list[Check]:
@@ -161,11 +151,11 @@ def check_sums(graph: Graph, contract: Contract | None, found: Mapping[str, Hand
     return [*checks, *(check_latched(one, said) for one, said in latched if said.publisher.name == one.publisher)]
 
 
-def rated(own: Sequence[Node], wanted: Wanted) -> list[TopicCondition]:
+def rated(own: Sequence[Node], contract: Contract | None, min_rates: Mapping[str, float]) -> list[TopicCondition]:
     """The rates of the own nodes' topics: each node owes what it gave before, all together what is promised."""
     mine = {(topic, node.name) for node in own for topic in node.publications}
-    promised = {topic: wanted.min_rates[topic] for topic, _node in mine if topic in wanted.min_rates}
-    before = [one for one in _topics(wanted.contract) if (one.name, one.publisher) in mine]
+    promised = {topic: min_rates[topic] for topic, _node in mine if topic in min_rates}
+    before = [one for one in _topics(contract) if (one.name, one.publisher) in mine]
     together = (TopicCondition(topic, min_rate=hz) for topic, hz in sorted(promised.items()))
     return [one for one in (*before, *together) if one.min_rate]
 

@@ -29,7 +29,7 @@ from .._ros.names import by_pod, by_revision, is_tool, is_version, stem
 from .._ros.roslaunch import Child, children, crash
 from .._step.record import Record, record_of
 from .._step.words import CONTRACT, HOPELESS
-from .judge import UNCOUNTED, Wanted, check_sums, first_questions, gaps, is_forgiven, judge, rated
+from .judge import UNCOUNTED, check_sums, first_questions, gaps, is_forgiven, judge, rated
 from .launch import MANAGER, named
 from .own_node import is_here, names_here, places, service_uris
 from .state import CALLER, Settings, State, load_settings, load_state, ros_of, save_state
@@ -196,7 +196,7 @@ class Starting:
         self.unregistered = not found
         if lacking:
             return lacking
-        wanted = Wanted(found, self._contract(state, found, owed), self.settings.min_rates)
+        contract = self._contract(state, found, owed)
         began = self.now()
         graph = self.ros.ask(state, first_questions(state, found))
         own = [graph.node(name) for name in found]
@@ -206,12 +206,12 @@ class Starting:
         graph = self.silence.noted(self._peers(state, graph, found), began)
         self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(graph, found)}
         self._introduce(graph)
-        awaited = [gap for gap, since in self.missing.items() if not is_forgiven(gap, wanted, self.now() - since)]
-        checks = judge(graph, wanted, awaited)
+        awaited = [gap for gap, since in self.missing.items() if not is_forgiven(gap, contract, self.now() - since)]
+        checks = judge(graph, found, contract, awaited)
         checks += self._settled(own) if not (owed.contract or self.settings.command) else []
-        checks += [] if agreed or wanted.contract else [Check("command", "readiness", WAIT, "it has not passed yet")]
+        checks += [] if agreed or contract else [Check("command", "readiness", WAIT, "it has not passed yet")]
         if whole and all(check.verdict == PASS for check in checks):
-            checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
+            checks += [*self._streams(graph, own, contract), *self._ended(state, now=True)]
             if self.settings.expect_node and all(check.verdict == PASS for check in checks):
                 uris = service_uris(graph.services, own[0].services)
                 self.outside.keep(own[0].name, State(own[0].uri, own[0].pid, uris))
@@ -324,13 +324,13 @@ class Starting:
         settled = self.now() - self.since >= (SETTLE_LAUNCH if self.settings.launch else SETTLE)
         return [] if settled else [Check("node", registered[0][0], WAIT, "it has only just registered what it has")]
 
-    def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
+    def _streams(self, graph: Graph, own: Sequence[Node], contract: Contract | None) -> list[Check]:
         """What the nodes say of their topics, and their rates, as these nodes alone publish them."""
         mine = {topic: [node.name for node in own if topic in node.publications] for topic in graph.topics}
         alone = graph.published_by(mine)
-        promised = [name for name in (wanted.contract.topics if wanted.contract else ()) if mine.get(name)]
-        checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
-        rates = rated(own, wanted)
+        promised = [name for name in (contract.topics if contract else ()) if mine.get(name)]
+        checks = check_sums(graph, contract, self.ros.handshakes(alone, promised) if promised else {})
+        rates = rated(own, contract, self.settings.min_rates)
         if rates and all(check.verdict == PASS for check in checks):
             counted = self.ros.rates(alone, rate_plan(Conditions(topics=tuple(rates)))[0])
             checks += [check_rate(one, counted.get(one.name)) for one in rates]

@@ -27,7 +27,7 @@ OUT, IN = f"edge {OWN} -> /out -> {SUBSCRIBER}", f"edge {PUBLISHER} -> /in -> {O
 
 def judged(world: World, owed: Contract | None = None, seconds: float = 0.0) -> tuple[str, str]:
     """Verdict, and the reasons of what is not as it should be; `seconds` for which all of it has been so."""
-    state, wanted = world.state(types=True), probe.Wanted((OWN,), owed)
+    state = world.state(types=True)
     graph = world.ask(state, probe.first_questions(state, [OWN]))
     missing = probe.gaps(graph, [OWN])
     ends = {end for gap in missing for end in (gap.publisher, gap.subscriber)}
@@ -35,7 +35,7 @@ def judged(world: World, owed: Contract | None = None, seconds: float = 0.0) -> 
     peers = world.ask(state, probe.Questions({name: frozenset() for name in unasked}))
     silence = Silence(lambda: seconds)
     asked = silence.noted(graph.answered(map(peers.node, unasked)), 0.0)
-    checks = probe.judge(asked, wanted, [gap for gap in missing if not probe.is_forgiven(gap, wanted, seconds)])
+    checks = probe.judge(asked, [OWN], owed, [gap for gap in missing if not probe.is_forgiven(gap, owed, seconds)])
     return overall([check.verdict for check in checks]), "; ".join(str(c) for c in checks if c.verdict != PASS)
 
 
@@ -227,8 +227,8 @@ def test_what_is_promised_is_owed_and_what_was() -> None:
     own = world.ask(state, probe.first_questions(state, [OWN])).node(OWN)
 
     def least(owed: Contract | None, **promised: float) -> list[tuple[str, str | None, float | None]]:
-        wanted = probe.Wanted((OWN,), owed, {f"/{name}": hz for name, hz in promised.items()})
-        return [(one.name, one.publisher, one.min_rate) for one in probe.rated([own], wanted)]
+        rates = {f"/{name}": hz for name, hz in promised.items()}
+        return [(one.name, one.publisher, one.min_rate) for one in probe.rated([own], owed, rates)]
 
     assert least(None) == []
     assert least(None, out=50, others=10) == [("/out", None, 50)]  # what others publish is not this pod's
@@ -245,6 +245,6 @@ def test_what_is_promised_of_a_topic_is_owed_by_all_of_an_apps_nodes_together() 
     """What was recorded of each it owes by itself."""
     one, two = (ros.Node(name, publications=("/diagnostics",)) for name in ("/a_0a1b2c3d", "/b_0a1b2c3d"))
     owed = {"/diagnostics": {"publishers": {one.name: {"rate": 10.0}, two.name: {"rate": None}}}}
-    wanted = probe.Wanted((one.name, two.name), contract(topics=owed), {"/diagnostics": 2.0})
-    both = [(it.publisher, it.min_rate) for it in probe.rated([one, two], wanted)]
+    found = probe.rated([one, two], contract(topics=owed), {"/diagnostics": 2.0})
+    both = [(it.publisher, it.min_rate) for it in found]
     assert both == [(one.name, 9.0), (None, 2.0)]
