@@ -99,18 +99,18 @@ def run(name: str, read_settings: Callable[[], tuple[Any, ...]], application: Ca
     """
     try:
         values = read_settings()
-        faults = settings.faults()
+        crash_after, never_connect = settings.faults()
         settings.metrics_port()
     except settings.SettingError as error:
         sys.exit(f"{name}: {error}")
     READY.unlink(missing_ok=True)
-    if faults.crash_after:
-        _crash_after(faults.crash_after)
+    if crash_after:
+        _crash_after(crash_after)
     try:
         rospy.init_node(name)
         rospy.on_shutdown(_stop)
         say("started", version=settings.version())
-        if faults.never_connect:
+        if never_connect:
             _never_connect()
         else:
             application(*values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Mapping, NamedTuple, Optional
+from typing import Mapping, Optional
 
 Environ = Optional[Mapping[str, str]]  # None: that of the process
 SENSOR_RATE = 500.0  # samples a second
@@ -72,17 +72,9 @@ def rates(environ: Environ = None) -> tuple[float, int]:
     return rate, stride
 
 
-class Faults(NamedTuple):
-    """How a bad version behaves; a good one has none of it."""
-
-    crash_after: float | None
-    never_connect: bool
-
-
-def faults(environ: Environ = None) -> Faults:
-    """CRASH_AFTER seconds, NEVER_CONNECT."""
-    after = positive("CRASH_AFTER", 0.0, environ)
-    return Faults(crash_after=after or None, never_connect=flag("NEVER_CONNECT", environ))
+def faults(environ: Environ = None) -> tuple[float, bool]:
+    """How a bad version behaves: CRASH_AFTER so many seconds, 0 for never, and whether it is to NEVER_CONNECT."""
+    return positive("CRASH_AFTER", 0.0, environ), flag("NEVER_CONNECT", environ)
 
 
 def choice(name: str, allowed: tuple[str, ...], environ: Environ = None) -> str:

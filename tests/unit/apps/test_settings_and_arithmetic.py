@@ -39,7 +39,7 @@ def test_a_rate_that_the_sensor_cannot_give(rate: str) -> None:
 
 
 def test_faults() -> None:
-    assert settings.faults({}) == (None, False)
+    assert settings.faults({}) == (0, False)
     assert settings.faults({"CRASH_AFTER": "2.5", "NEVER_CONNECT": "True"}) == (2.5, True)
     with pytest.raises(settings.SettingError, match="NEVER_CONNECT must be true or false, not 'maybe'"):
         settings.faults({"NEVER_CONNECT": "maybe"})
