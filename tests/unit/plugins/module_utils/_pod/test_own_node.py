@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import threading
@@ -177,13 +178,11 @@ def test_where_the_kernel_does_not_tell_all_clients_count(peers: Peers, monkeypa
     bus: list[list[Any]] = [[1, "/listener", "o", "TCPROS", "/arm/state", True]]
     world = World(peers, monkeypatch, getBusInfo=lambda: [1, "", bus])
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        at = listener.getsockname()
-        world.service = f"rosrpc://127.0.0.1:{at[1]}"
-        ends = [socket.create_connection(at) for _end in range(3)]
-        accepted = [listener.accept()[0] for _end in range(3)]
+        world.service = f"rosrpc://127.0.0.1:{listener.getsockname()[1]}"
+        clients = [Client(listener) for _number in range(3)]
         assert world.own().calls() == 2
-        for end in (*ends, *accepted):
-            end.close()
+        for client in clients:
+            client.close()
         assert world.own().calls() == 0
 
 
@@ -282,8 +281,7 @@ def listener(request: pytest.FixtureRequest) -> Iterator[socket.socket]:
 
 def test_a_call_is_a_question_without_an_answer(listener: socket.socket) -> None:
     ports = {listener.getsockname()[1]}
-    client = Client(listener)
-    try:
+    with contextlib.closing(Client(listener)) as client:
         assert own_node.calls_under_way(ports) == 0  # somebody who has said nothing yet
         for read in (True, False):
             client.asks()
@@ -301,19 +299,14 @@ def test_a_call_is_a_question_without_an_answer(listener: socket.socket) -> None
         client.asks()
         client.end.close()  # it does not want the answer any more
         assert own_node.calls_under_way(ports) == 0
-    finally:
-        client.close()
 
 
 def test_every_connection_counts(listener: socket.socket) -> None:
-    clients = [Client(listener) for _number in range(40)]
-    try:
+    with contextlib.ExitStack() as ends:
+        clients = [ends.enter_context(contextlib.closing(Client(listener))) for _number in range(40)]
         for client in clients[::2]:
             client.asks()
         assert own_node.calls_under_way({listener.getsockname()[1]}) == 20
-    finally:
-        for client in clients:
-            client.close()
 
 
 def spoke(sent: int, received: int, acknowledged: int, segments: tuple[int, int]) -> bytes:
