@@ -16,7 +16,7 @@ import sys
 
 TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
-    from typing import Mapping, Sequence
+    from typing import Mapping
 
 PORT = 11412
 BACKLOG = 8
@@ -24,11 +24,6 @@ PATIENCE = 10.0  # s for a request to come
 AT_ONCE, OF_ONE = 32, 8  # requests, each a process: of all, and of one address, the kubelet's among them
 LONGEST = 4096  # bytes of it, of which the first line counts
 FAILED, UNKNOWN = "503 Service Unavailable", "404 Not Found"
-
-
-def commands(words: Sequence[str]) -> dict[str, list[str]]:
-    """Path -> words for `run.py`; `words` are what `exec` gets: whose end the app's start waits for."""
-    return {"/begin": ["exec", *words], "/started": ["started"], "/stop": ["stop"]}
 
 
 def requested(connection: socket.socket) -> str:
@@ -90,6 +85,8 @@ def serve(listener: socket.socket, known: Mapping[str, list[str]]) -> None:
 
 def main(words: list[str]) -> int:
     signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # the first process of a container is deaf to it
+    # path -> words for `run.py`; those of `exec` are ours: whose end the app's start waits for
+    known = {"/begin": ["exec", *words], "/started": ["started"], "/stop": ["stop"]}
     with socket.create_server(("", PORT), backlog=BACKLOG) as listener:
-        serve(listener, commands(words))
+        serve(listener, known)
     return 0

@@ -87,11 +87,6 @@ class Record:
         found: Object | None = self.history[0]["deployment"] if self.history else None
         return found
 
-    @property
-    def never_proven(self) -> bool:
-        """Neither its version nor any before it."""
-        return self.contract.install and not (self.proven or self.history)
-
     def is_history(self, revision: str) -> bool:
         """Whether that is one of the versions that were proven before."""
         return any(entry.get("revision") == revision for entry in self.history)
@@ -161,7 +156,8 @@ def answer(deployment: Object, records: Mapping[str, Record]) -> str:
     record, revision = records.get(name_of(deployment)), revision_of(deployment)
     if record is None or not record.revision:
         return UNKNOWN
-    if record.never_proven:  # whichever revision it is: two installations may have been cut off one after the other
+    # whichever revision it is: two installations may have been cut off one after the other
+    if record.contract.install and not (record.proven or record.history):
         return INSTALLED
     this, earlier = record.revision == revision, record.is_history(revision)
     proven = _is_proven(record, records)
