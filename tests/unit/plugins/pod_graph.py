@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState, Questions
@@ -70,10 +71,8 @@ class World:
 
     def replies(self, node: str, **changes: Any) -> None:
         """Another answer of a node; `error` makes it one that does not answer."""
-        known = self.answers[node]
-        fields = {"uri": known.uri, "pid": known.pid, "bus": known.bus, "publications": known.publications}
-        fields.update(subscriptions=known.subscriptions, **({"pid": None} if "error" in changes else {}))
-        self.answers[node] = NodeAnswer(**{**fields, **changes})
+        told = {"error": "", "refused": False, **({"pid": None} if "error" in changes else {}), **changes}
+        self.answers[node] = replace(self.answers[node], **told)
 
     def own(self, topic: str) -> list[str]:
         """The pod's own nodes that publish it."""
@@ -92,13 +91,9 @@ class World:
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
         self.asked.append(dict(wanted.nodes))
         answers = {
-            name: NodeAnswer(
-                answer.uri, answer.pid, answer.error, answer.bus if "bus" in calls else None,
-                answer.publications, answer.subscriptions, answer.refused,
-            )
+            name: self.answers[name] if "bus" in calls else replace(self.answers[name], bus=None)
             for name, calls in wanted.nodes.items()
-            for answer in [self.answers[name]]
-        }  # fmt: skip
+        }
         return build(state, answers, {name: self.probes[name] for name in wanted.services if name in self.probes})
 
     def handshakes(self, graph: Graph, topics: Any) -> dict[str, Handshake]:
