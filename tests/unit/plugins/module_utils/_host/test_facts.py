@@ -7,7 +7,7 @@ import os
 import socket
 import time
 from pathlib import Path
-from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
@@ -161,10 +161,7 @@ def test_ports_are_open_or_refuse(peers: Peers) -> None:
     (OSError(113, "x"), "no route to host"), (OSError("odd"), "unreachable"),
 ])  # fmt: skip
 def test_silence_and_other_ends(monkeypatch: pytest.MonkeyPatch, raised: OSError, outcome: str) -> None:
-    def connect(*_args: Any) -> None:
-        raise raised
-
-    monkeypatch.setattr(socket, "create_connection", connect)
+    monkeypatch.setattr(socket, "create_connection", Mock(side_effect=raised))
     assert _host_facts.reach(["[fd00::1]:6443"], 1) == [{"host": "fd00::1", "port": 6443, "outcome": outcome}]
 
 

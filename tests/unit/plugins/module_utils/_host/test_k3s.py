@@ -8,6 +8,7 @@ import io
 import json
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
@@ -181,15 +182,10 @@ SUM = hashlib.sha256(BINARY).hexdigest()
 
 
 def test_it_comes_whole_and_once(tmp_path: Path) -> None:
-    asked, place = list[str](), tmp_path / "k3s"
-
-    def network(url: str) -> io.BytesIO:
-        asked.append(url)
-        return io.BytesIO(BINARY)
-
+    network, place = Mock(return_value=io.BytesIO(BINARY)), tmp_path / "k3s"
     assert [fetch(network, "https://x/k3s", place, SUM) for _time in range(2)] == [True, False]
     assert (place.read_bytes(), place.stat().st_mode & 0o777) == (BINARY, 0o755)
-    assert asked == ["https://x/k3s"]
+    network.assert_called_once_with("https://x/k3s")
     assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
@@ -186,11 +187,8 @@ def test_a_database_in_a_file_is_copied_while_nobody_writes_to_it(tmp_path: Path
 
 
 def test_k3s_runs_again_where_its_database_could_not_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_args: Any) -> None:
-        raise OSError("no space left on device")
-
     machine = Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/state.db": "rows"})
-    monkeypatch.setattr(k3s_change.shutil, "copytree", full)
+    monkeypatch.setattr(k3s_change.shutil, "copytree", Mock(side_effect=OSError("no space left on device")))
     with pytest.raises(OSError, match="no space"):
         switch(machine)
     assert machine.asked[-1] == ["systemctl", "start", "--no-block", "k3s"]

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
@@ -170,11 +171,7 @@ def test_a_node_that_does_not_answer_has_no_process(world: World) -> None:
 
 def test_where_the_kernel_does_not_tell_all_clients_count(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
     """Services and topics have one port: two clients and one subscriber there are two calls."""
-
-    def untold(_ports: set[int]) -> int:
-        raise PermissionError
-
-    monkeypatch.setattr(own_node, "calls_under_way", untold)
+    monkeypatch.setattr(own_node, "calls_under_way", Mock(side_effect=PermissionError))
     bus: list[list[Any]] = [[1, "/listener", "o", "TCPROS", "/arm/state", True]]
     world = World(peers, monkeypatch, getBusInfo=lambda: [1, "", bus])
     with socket.create_server(("127.0.0.1", 0)) as listener:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
@@ -125,9 +126,8 @@ def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, owed = Clock(), [None]
-    monkeypatch.setattr(started_command, "load_owed", lambda *_: Owed(owed[0]))
-    clock.when = [(0.2, lambda: owed.__setitem__(0, contract(services={"/gone": {}})))]  # type: ignore[call-overload]
+    clock = Clock()
+    clock.when = [(0.2, lambda: owe(monkeypatch, services={"/gone": {}}))]
     assert started(World(), clock) == f"not ready: node {OWN}: as the version before: does not offer the service /gone"
 
 
@@ -170,11 +170,7 @@ def test_the_own_node_must_be_there() -> None:
 
 def test_a_master_that_is_away_is_a_reason_to_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World()
-
-    def away(types: bool = False) -> Any:  # noqa: ARG001
-        raise RosError("the ROS master does not answer: nothing listens")
-
-    monkeypatch.setattr(world, "state", away)
+    monkeypatch.setattr(world, "state", Mock(side_effect=RosError("the ROS master does not answer: nothing listens")))
     line = "not ready: master http://ros-master:11311: the ROS master does not answer: nothing listens"
     assert started(world) == line
 

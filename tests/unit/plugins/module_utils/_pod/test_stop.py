@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as stop_command
@@ -199,11 +200,7 @@ def test_whoever_hangs_the_stop_ends_in_time(hanging: tuple[str, ...], deadline:
 
 
 def test_what_is_done_together_waits_for_nobody_who_hangs() -> None:
-    ended = threading.Event()
-
-    def fails() -> None:
-        raise OSError("it is gone")
-
+    ended, fails = threading.Event(), Mock(side_effect=OSError("it is gone"))
     began = time.monotonic()
     found = stop_command.together([lambda: 1, fails, lambda: ended.wait(30)], 0.2)
     ended.set()
@@ -253,11 +250,7 @@ def test_whatever_fails_the_node_is_drained_and_stopped(what: str, expect_node: 
 def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     told: list[str] = []
     monkeypatch.setattr(stop_command, "tell", told.append)
-
-    def broken(_environ: Any) -> Any:
-        raise RuntimeError("no such thing")
-
-    monkeypatch.setattr(stop_command, "load_settings", broken)
+    monkeypatch.setattr(stop_command, "load_settings", Mock(side_effect=RuntimeError("no such thing")))
     assert stop_command.main([]) == 0
     assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: Settings("/x", stop_deadline=30))
