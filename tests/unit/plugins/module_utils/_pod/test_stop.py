@@ -211,20 +211,14 @@ def test_what_is_done_together_waits_for_nobody_who_hangs() -> None:
 
 def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     """Eight calls of whoever hangs, two seconds each, were not counted."""
-    asked: list[float] = []
     wanted = Settings("/x", expect_node=True, stop_deadline=4)
-
-    def stopped(_nodes: Any, _expect: bool, _hold: Any, clock: stop_command.Time) -> list[str]:
-        asked.append(clock.end)
-        return []
-
-    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: wanted)
-    monkeypatch.setattr(stop_command, "own_nodes", lambda _settings, seconds: (asked.append(seconds) or [Node()], ""))
-    monkeypatch.setattr(stop_command, "stop", stopped)
+    found, stopped = Mock(return_value=([Node()], "")), Mock(return_value=[])
+    for name, fake in (("load_settings", lambda _environ: wanted), ("own_nodes", found), ("stop", stopped)):
+        monkeypatch.setattr(stop_command, name, fake)
     began = time.monotonic()
     assert stop_command.main([]) == 0
-    assert asked[0] == pytest.approx(0.5)
-    assert began + 4 <= asked[1] <= time.monotonic() + 4
+    found.assert_called_once_with(wanted, pytest.approx(0.5))
+    assert began + 4 <= stopped.call_args.args[-1].end <= time.monotonic() + 4
 
 
 def test_what_the_keeper_does_not_take_is_said() -> None:

@@ -3,47 +3,13 @@
 
 from __future__ import annotations
 
-import time
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
-
-
-class Rospy:
-    """Writes down what is asked of it; it is shut down once enough was sent."""
-
-    AnyMsg = type("AnyMsg", (), {"_buff": None})
-    ServiceException = type("ServiceException", (Exception,), {})
-
-    def __init__(self, most: int) -> None:
-        self.most = most
-        self.node = ""
-        self.heard: dict[str, Any] = {}
-        self.served: dict[str, Any] = {}
-        self.sent: dict[str, list[Any]] = {}
-        self.kinds: dict[str, Any] = {}
-
-    def init_node(self, name: str) -> None:
-        self.node = name
-
-    def is_shutdown(self) -> bool:
-        return sum(map(len, self.sent.values())) >= self.most
-
-    def spin(self) -> None:
-        while not self.is_shutdown():
-            time.sleep(0.001)
-
-    def Subscriber(self, topic: str, kind: Any) -> None:  # noqa: N802 - rospy's
-        self.heard[topic] = kind
-
-    def Service(self, name: str, kind: Any, handler: Any) -> None:  # noqa: N802
-        self.served[name] = (kind, handler)
-
-    def Publisher(self, topic: str, kind: Any, queue_size: int, latch: bool) -> Any:  # noqa: N802
-        self.kinds[topic] = (kind, queue_size, latch)
-        return SimpleNamespace(publish=self.sent.setdefault(topic, []).append)
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
 
 def generate(name: str, definition: str) -> dict[str, Any]:
@@ -64,17 +30,27 @@ PLAN = {
 
 
 def test_a_node() -> None:
-    rospy = Rospy(5)
+    sent: dict[str, list[Any]] = {}
+
+    def advertised(topic: str, _kind: Any, **_more: Any) -> Any:
+        return SimpleNamespace(publish=sent.setdefault(topic, []).append)
+
+    error = type("ServiceException", (Exception,), {})
+    rospy = Mock(AnyMsg=type("AnyMsg", (), {"_buff": None}), ServiceException=error)
+    rospy.is_shutdown.side_effect = lambda: sum(map(len, sent.values())) >= 5  # once enough was sent
+    rospy.spin.side_effect = lambda: until(rospy.is_shutdown)
+    rospy.Publisher.side_effect = advertised
     stand_in.Node(rospy, generate, PLAN).play()
-    assert rospy.node == "driver"
-    assert {name: (kind._type, kind._md5sum) for name, kind in rospy.heard.items()} == {
+    rospy.init_node.assert_called_once_with("driver")
+    heard = dict(call.args for call in rospy.Subscriber.call_args_list)
+    assert {name: (kind._type, kind._md5sum) for name, kind in heard.items()} == {
         "/odd": ("*", "*"),
         "/odom": ("demo/Odom", "cc"),
     }
-    assert {topic: len(sent) for topic, sent in rospy.sent.items()} == {"/map": 1, "/silent": 0, "/state": 4}
-    kind, _queue, latch = rospy.kinds["/map"]
-    assert (kind.made_of, latch, rospy.kinds["/state"][2]) == ("uint32 a", True, False)
-    kind, handler = rospy.served["/arm/home"]
-    assert (kind._type, kind._md5sum, kind._request_class._md5sum) == ("demo/Home", "bb", "bb")
-    with pytest.raises(rospy.ServiceException, match="no answer"):
+    assert {topic: len(sent) for topic, sent in sent.items()} == {"/map": 1, "/silent": 0, "/state": 4}
+    published = {call.args[0]: (call.args[1].made_of, call.kwargs["latch"]) for call in rospy.Publisher.call_args_list}
+    assert (published["/map"], published["/state"]) == (("uint32 a", True), ("uint32 a", False))
+    [(name, kind, handler)] = [call.args for call in rospy.Service.call_args_list]
+    assert (name, kind._type, kind._md5sum, kind._request_class._md5sum) == ("/arm/home", "demo/Home", "bb", "bb")
+    with pytest.raises(error, match="no answer"):
         handler(None)
