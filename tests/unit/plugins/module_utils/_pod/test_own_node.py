@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -36,8 +37,8 @@ class World:
 
     def __init__(self, peers: Peers, monkeypatch: pytest.MonkeyPatch, **replies: Any) -> None:
         self.peers = peers
-        self.told: list[tuple[Any, ...]] = []
-        node = {"getPid": [1, "", 7], "publisherUpdate": self.note("update"), **replies}
+        self.told = Mock(return_value=[1, "", 1])
+        node = {"getPid": [1, "", 7], "publisherUpdate": partial(self.told, "update"), **replies}
         self.node = peers.api("node", node)
         published, subscribed = ("/arm/state", "/work/status"), ("/work/goal", "/work/cancel")
         parts = (published, subscribed, ("/arm/home",))
@@ -51,18 +52,11 @@ class World:
                 "getSystemState": lambda: self.system,
                 "lookupNode": lambda _name: [1, "", self.address],
                 "lookupService": lambda _name: [1, "", self.service],
-                **{f"unregister{kind}": self.note(kind) for kind in ("Publisher", "Subscriber", "Service")},
+                **{f"unregister{kind}": partial(self.told, kind) for kind in ("Publisher", "Subscriber", "Service")},
             },
             multicall=True,
         )
         monkeypatch.setenv("ROS_MASTER_URI", self.master)
-
-    def note(self, kind: str) -> Any:
-        def call(*words: Any) -> list[Any]:
-            self.told.append((kind, *words))
-            return [1, "", 1]
-
-        return call
 
     def asked(self, label: str) -> list[str]:
         return [method for name, method in self.peers.calls if name == label]
@@ -134,7 +128,7 @@ def test_only_an_address_of_ones_own_can_be_bound(uri: str, here: bool) -> None:
 
 def test_it_is_taken_out_of_the_master_with_all_that_it_has(world: World) -> None:
     world.own().unregister()
-    assert sorted(world.told) == [
+    assert sorted(call.args for call in world.told.call_args_list) == [
         ("Publisher", "/arm/state", world.node),
         ("Publisher", "/work/status", world.node),
         ("Service", "/arm/home", world.service),
@@ -145,7 +139,7 @@ def test_it_is_taken_out_of_the_master_with_all_that_it_has(world: World) -> Non
 
 def test_it_is_cut_off_from_who_sends_it_goals(world: World) -> None:
     world.own().isolate("/work")
-    assert world.told == [("update", "/work/goal", [])]
+    world.told.assert_called_once_with("update", "/work/goal", [])
 
 
 def test_its_actions_are_those_of_the_graph_or_what_was_expected(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
