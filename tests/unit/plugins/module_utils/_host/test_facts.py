@@ -206,12 +206,10 @@ AGENT = {"role": "agent", "files": [], "beside": [], "token": "", "agent_token":
 
 
 def test_a_file_that_k3s_does_not_read_is_looked_at_and_makes_no_start_due(tmp_path: Path) -> None:
-    asked: list[list[str]] = []
-    host = K3sHost(lambda argv: asked.append(argv) or (0, "", ""), str(tmp_path))
-    found = _host_facts.k3s_facts(host, {**AGENT, "files": ["/read"], "beside": ["/beside"]})
+    run = Mock(return_value=(0, "", ""))
+    found = _host_facts.k3s_facts(K3sHost(run, str(tmp_path)), {**AGENT, "files": ["/read"], "beside": ["/beside"]})
     assert {"/read", "/beside"} <= found["files"].keys()
-    (compared,) = [argv for argv in asked if argv[0] == "stat"]
-    assert compared[3:] == ["/read"]
+    assert [words[3:] for (words,), _more in run.call_args_list if words[0] == "stat"] == [["/read"]]
 
 
 @pytest.mark.parametrize(("role", "path", "said"), [

@@ -300,11 +300,6 @@ def test_every_connection_counts(listener: socket.socket) -> None:
         assert own_node.calls_under_way({listener.getsockname()[1]}) == 20
 
 
-def spoke(sent: int, received: int, acknowledged: int, segments: tuple[int, int]) -> bytes:
-    """A struct tcp_info: ms since each, and segments of data that came and went."""
-    return struct.pack("=44xL4x2L92x2L", sent, received, acknowledged, *segments)
-
-
 @pytest.mark.parametrize(
     ("sent", "received", "acknowledged", "segments", "asking"),
     [
@@ -323,8 +318,10 @@ def spoke(sent: int, received: int, acknowledged: int, segments: tuple[int, int]
     ],
 )
 def test_who_spoke_last(sent: int, received: int, acknowledged: int, segments: tuple[int, int], asking: bool) -> None:
-    assert own_node._is_asking(spoke(sent, received, acknowledged, segments), 0) is asking
-    assert own_node._is_asking(spoke(sent, received, acknowledged, segments), 1)
+    """`segments` of data that came and went; the rest is ms since then."""
+    tcp_info = struct.pack("=44xL4x2L92x2L", sent, received, acknowledged, *segments)
+    assert own_node._is_asking(tcp_info, 0) is asking
+    assert own_node._is_asking(tcp_info, 1)
     with pytest.raises(OSError, match="too little"):
         own_node._is_asking(b"", 0)
 
