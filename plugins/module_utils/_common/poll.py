@@ -1,12 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Look again and again until something passes, fails, or the time is over.
 
-A probe is called without arguments and returns a `Seen`: a verdict and what was observed. The verdicts are
-
-* `pass`: it is as it should be,
-* `fail`: waiting cannot mend it; the poll ends at once,
-* `wait`: not yet.
-
 The clock and the sleep are handed in, so tests neither wait nor hope.
 """
 
@@ -16,14 +10,15 @@ import time
 from dataclasses import dataclass
 from typing import Any, Callable
 
-PASS = "pass"  # noqa: S105 - a verdict
-FAIL = "fail"
-WAIT = "wait"
+# verdicts
+PASS = "pass"  # noqa: S105 - no password: it is as it should be
+FAIL = "fail"  # waiting cannot mend it; the poll ends at once
+WAIT = "wait"  # not yet
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What one look brought."""
+    """What one look brought: a verdict, and what was observed."""
 
     verdict: str
     observed: Any = None
