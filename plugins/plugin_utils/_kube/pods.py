@@ -99,12 +99,10 @@ def _message(state: Object) -> str:
 
 
 def _exit(ended: Object) -> str:
-    """'exit code 1 (Error): what it left as its last message'."""
-    code = f"exit code {ended['exitCode']}" if "exitCode" in ended else ""
-    if ended.get("signal"):
-        code += f", signal {ended['signal']}"
-    why = str(ended.get("reason") or "")
-    return _words(f"{code} ({why})" if code and why else code or why, _message(ended))
+    """'exit code 1, signal 9 (Error): what it left as its last message'."""
+    signal = f", signal {ended['signal']}" if ended.get("signal") else ""
+    why = f" ({ended['reason']})" if ended.get("reason") else ""
+    return _words(f"exit code {ended.get('exitCode', '?')}{signal}{why}", _message(ended))
 
 
 def ends(container: Object) -> tuple[Object, Object]:
@@ -117,7 +115,9 @@ def _restarts(container: Object) -> str:
     return f"{again} restart" + ("" if again == 1 else "s")
 
 
-def _container_trouble(container: Object, where: str) -> Verdict | None:
+def _of_container(container: Object, who: str) -> Verdict | None:
+    """Why it does not run, if so."""
+    where = f"{who}, container {container.get('name', '?')}"
     waiting = _state(container, "waiting")
     why, message = str(waiting.get("reason") or ""), _message(waiting)
     if why in IMAGE_ERRORS:
@@ -128,32 +128,48 @@ def _container_trouble(container: Object, where: str) -> Verdict | None:
         return Verdict(FAIL if looped else WAIT, said, "" if looped else CRASH_LOOP)
     if why in CONFIG_ERRORS and not any(slow in message for slow in KUBELET_TOO_SLOW):
         return Verdict(FAIL, _words(where, why, message))
-    if why in RUNTIME_ERRORS or why in CONFIG_ERRORS:
-        return Verdict(WAIT, _words(where, why, message), suspect=why)
-    return None
+    if waiting:
+        lasting = why in RUNTIME_ERRORS or why in CONFIG_ERRORS
+        return Verdict(WAIT, _words(where, why or "waiting", message), suspect=why if lasting else "")
+    ended = _state(container, "terminated")
+    return Verdict(WAIT, _words(where, f"ended with {_exit(ended)}")) if ended.get("exitCode") else None
 
 
-def trouble(pod: Object) -> Verdict | None:
-    """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None, as for one on its way out."""
-    if is_terminating(pod):
-        return None
+def verdict_on(pod: Object) -> Verdict:
+    """What a pod that is not ready waits for, in one line, and whether waiting can mend it."""
     who = f"pod {name_of(pod)}"
-    suspect: Verdict | None = None
-    for container in containers(pod):
-        found = _container_trouble(container, f"{who}, container {container.get('name', '?')}")
-        if found and found.verdict == FAIL:
-            return found
-        suspect = suspect or found
+    if is_terminating(pod):
+        return Verdict(WAIT, f"{who} is terminating")
+    found = [said for container in containers(pod) if (said := _of_container(container, who))]
     told = str(condition(pod, READINESS).get("message") or "")
     if told.startswith(HOPELESS):
-        return Verdict(FAIL, f"{who}: {told}")
+        found.append(Verdict(FAIL, f"{who}: {told}"))
     scheduled = condition(pod, "PodScheduled")
+    message = str(scheduled.get("message") or "")
     if scheduled.get("status") == "False" and scheduled.get("reason") == UNSCHEDULABLE:
-        message = str(scheduled.get("message") or "")
         # The volume is still being made: that is its provisioner's work, not a verdict of the scheduler.
         unbound = "unbound immediate PersistentVolumeClaims" in message
-        return Verdict(WAIT, _words(who, UNSCHEDULABLE, message), suspect="" if unbound else UNSCHEDULABLE)
-    return suspect
+        found.append(Verdict(WAIT, _words(who, UNSCHEDULABLE, message), suspect="" if unbound else UNSCHEDULABLE))
+    elif scheduled.get("status") != "True" and not (pod.get("spec") or {}).get("nodeName"):
+        found.append(Verdict(WAIT, _words(f"{who} is not scheduled yet", message)))
+    found.append(Verdict(WAIT, _while_running(pod, who)))
+    return min(found, key=lambda one: (one.verdict != FAIL, not one.suspect))
+
+
+def _while_running(pod: Object, who: str) -> str:
+    started = (pod.get("status") or {}).get("containerStatuses") or []
+    waiting = [str(item.get("name", "?")) for item in started if not item.get("ready")]
+    if waiting:
+        return f"{who}, container {', '.join(waiting)}: not ready yet"
+    for gate in (pod.get("spec") or {}).get("readinessGates") or []:
+        kind = str(gate.get("conditionType", ""))
+        said = condition(pod, kind)
+        if said.get("status") != "True":
+            unseen = UNSEEN if kind == READINESS else f"readiness gate {kind} is not True"
+            return f"{who}: {said.get('message') or unseen}"
+    ready = condition(pod, "Ready")
+    phase = str((pod.get("status") or {}).get("phase") or "Pending")
+    return _words(f"{who} is {phase}, not Ready", str(ready.get("reason") or ""), str(ready.get("message") or ""))
 
 
 def restarts(pod: Object) -> dict[str, int]:
@@ -188,39 +204,3 @@ def last_end(pod: Object) -> tuple[str, str] | None:
             times = f"restarted {again} time{'' if again == 1 else 's'}"
             found.append((at, _words(f"container {container.get('name', '?')} {times}, last", _exit(ended))))
     return max(found, default=None)
-
-
-def why_not_ready(pod: Object) -> str:
-    """One line on what this pod waits for."""
-    who = f"pod {name_of(pod)}"
-    if is_terminating(pod):
-        return f"{who} is terminating"
-    if found := trouble(pod):
-        return found.reason
-    scheduled = condition(pod, "PodScheduled")
-    if scheduled.get("status") != "True" and not (pod.get("spec") or {}).get("nodeName"):
-        return _words(f"{who} is not scheduled yet", str(scheduled.get("message") or ""))
-    for container in containers(pod):
-        where = f"{who}, container {container.get('name', '?')}"
-        waiting, ended = _state(container, "waiting"), _state(container, "terminated")
-        if waiting:
-            return _words(where, str(waiting.get("reason") or "waiting"), _message(waiting))
-        if ended and ended.get("exitCode") != 0:
-            return _words(where, f"ended with {_exit(ended)}")
-    return _unready_while_running(pod, who)
-
-
-def _unready_while_running(pod: Object, who: str) -> str:
-    started = (pod.get("status") or {}).get("containerStatuses") or []
-    unready = [str(item.get("name", "?")) for item in started if not item.get("ready")]
-    if unready:
-        return f"{who}, container {', '.join(unready)}: not ready yet"
-    for gate in (pod.get("spec") or {}).get("readinessGates") or []:
-        kind = str(gate.get("conditionType", ""))
-        said = condition(pod, kind)
-        if said.get("status") != "True":
-            unseen = UNSEEN if kind == READINESS else f"readiness gate {kind} is not True"
-            return f"{who}: {said.get('message') or unseen}"
-    ready = condition(pod, "Ready")
-    phase = str((pod.get("status") or {}).get("phase") or "Pending")
-    return _words(f"{who} is {phase}, not Ready", str(ready.get("reason") or ""), str(ready.get("message") or ""))

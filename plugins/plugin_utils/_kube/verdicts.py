@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from ...module_utils._common.poll import FAIL, PASS, WAIT
 from ...module_utils._step.objects import Object, annotations_of, is_ready, is_terminating, labels_of, name_of
 from .cache import Ref, View, has_rollout, owned_by
-from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, trouble, why_not_ready
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, verdict_on
 
 REVISION = "deployment.kubernetes.io/revision"
 HASH = "controller-revision-hash"
@@ -42,14 +42,14 @@ def _worst(pods: Iterable[Object], view: View) -> Verdict | None:
     While other pods are still terminating, their resources, ports and volumes come free soon: then "unschedulable" is
     an ordinary wait.
     """
-    found = [one for one in map(trouble, pods) if one]
+    found = [verdict_on(pod) for pod in pods]
     room_is_coming = any(is_terminating(pod) for pod in view.all("Pod"))
     suspects = [one for one in found if one.suspect and not (room_is_coming and one.suspect == UNSCHEDULABLE)]
     return next((one for one in found if one.verdict == FAIL), next(iter(suspects), None))
 
 
 def _with_pods(summary: str, pods: Iterable[Object]) -> str:
-    reasons = [why_not_ready(pod) for pod in pods if not is_ready(pod)]
+    reasons = [verdict_on(pod).reason for pod in pods if not is_ready(pod)]
     more = [f"and {len(reasons) - 3} more"] if len(reasons) > 3 else []
     return f"{summary}: {'; '.join([*reasons[:3], *more])}" if reasons else summary
 

@@ -24,7 +24,7 @@ from ...module_utils._step.objects import (
 )
 from ...module_utils._step.update_record import ways_back
 from .._kube.cache import Ref, View
-from .._kube.pods import condition, last_end, meta, why_not_ready
+from .._kube.pods import condition, last_end, meta, verdict_on
 from .._kube.running import TODO, Outdated
 from .._kube.verdicts import judge
 from .._model import names
@@ -123,7 +123,7 @@ def _workload(deployment: Object, all_pods: Iterable[Object], now: float) -> row
     live = [pod for pod in pods if not is_terminating(pod)]
     unready = [pod for pod in live if not is_ready(pod)]
     wanted = spec.get("replicas", 1)
-    why = why_not_ready(unready[0]) if unready else ""
+    why = verdict_on(unready[0]).reason if unready else ""
     ended_at, ended = _lately(live, now)
     return rows.Workload(
         name=name_of(deployment),
