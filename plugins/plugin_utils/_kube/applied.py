@@ -26,7 +26,6 @@ from .cache import Ref
 
 # What the API server keeps for itself, and what the cluster answers, are no part of what was asked for.
 BOOKKEEPING = ("managedFields", "resourceVersion", "generation", "uid", "creationTimestamp", "selfLink")
-IDENTITY = ("name", "namespace")
 Fields = dict[str, Any]  # FieldsV1
 # Notes at the pod template, as `kubectl rollout restart` writes one, change nothing that runs.
 NOTES: Fields = {"f:spec": {"f:template": {"f:metadata": {"f:annotations": {}}}}}
@@ -76,13 +75,10 @@ def diff_of(written: Sequence[Applied]) -> list[Result]:
 
 def _readable(obj: Object | None) -> Any:
     """With bytes by their number and hash."""
-    held = (obj or {}).get("binaryData")
-    if not obj or not held:
+    if not obj or not obj.get("binaryData"):
         return obj or ""
-    told = {
-        key: f"{len(b64decode(text))} bytes, SHA-256 {sha256(b64decode(text)).hexdigest()}"
-        for key, text in held.items()
-    }
+    held = {key: b64decode(text) for key, text in obj["binaryData"].items()}
+    told = {key: f"{len(data)} bytes, SHA-256 {sha256(data).hexdigest()}" for key, data in held.items()}
     return {**obj, "binaryData": told}
 
 
@@ -94,7 +90,7 @@ def applied_part(obj: Object, manager: str) -> Object | None:
     if (own := _own(obj, manager)) is None:
         return None
     part = dict(_part(obj, own.get("fieldsV1") or {}))
-    metadata = {key: obj["metadata"][key] for key in IDENTITY if key in obj["metadata"]}
+    metadata = {key: obj["metadata"][key] for key in ("name", "namespace") if key in obj["metadata"]}
     part["metadata"] = {**metadata, **part.get("metadata", {})}
     return {"apiVersion": obj["apiVersion"], "kind": obj["kind"], **part}
 
@@ -163,9 +159,8 @@ def _entries(obj: Object) -> list[Object]:
 
 def _own(obj: Object, manager: str) -> Object | None:
     """What `manager` has applied."""
-    kind = (manager, "Apply", "")
-    asked = ("manager", "operation", "subresource")
-    return next((entry for entry in _entries(obj) if tuple(entry.get(key, "") for key in asked) == kind), None)
+    asked = {"manager": manager, "operation": "Apply", "subresource": ""}
+    return next((one for one in _entries(obj) if {key: one.get(key, "") for key in asked} == asked), None)
 
 
 def _names(key: str, item: Any) -> bool:

@@ -74,10 +74,8 @@ class Kube(ApiConnection):
             try:
                 fenced = ref.kind in FENCED and not dry_run
                 before = present[ref] if ref in present and not fenced else self.get(ref)
-                if ref.kind in OF_CLUSTER and before and _is_as_wanted(before, obj):
-                    done.append(applied(ref, before, before))
-                    continue
-                done.append(applied(ref, before, self._applied(ref, obj, before, dry_run)))
+                stays = ref.kind in OF_CLUSTER and before and _is_as_wanted(before, obj)
+                done.append(applied(ref, before, before if stays else self._applied(ref, obj, before, dry_run)))
             except ApiError as exc:
                 if dry_run and exc.status == 404 and ref.namespace and not self.get(Ref("Namespace", ref.namespace)):
                     done.append(applied(ref, None, obj))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from ...module_utils._step.objects import Object, duration_of, holder_of, lease_with, version_of
+from ...module_utils._step.words import LEASE, LEASE_SECONDS
 from .cache import Ref
 from .client import Kube
 from .connection import ApiError
@@ -37,21 +38,18 @@ class Hold:
 
 
 class Lease:
-    """One Lease that `holder` wants for `seconds` at a time. Raises what the API raises, but for conflicts."""
+    """That of a robot's namespace, which `holder` wants. Raises what the API raises, but for conflicts."""
 
-    def __init__(  # noqa: PLR0913 - the clock is the price of tests that never wait
+    def __init__(
         self,
         api: Kube,
         namespace: str,
-        name: str,
         holder: str,
-        seconds: int,
         now: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
     ) -> None:
-        self.ref = Ref("Lease", name, namespace, "coordination.k8s.io/v1")
-        self._api, self._holder, self._seconds = api, holder, seconds
-        self._now, self._wall = now, wall
+        self.ref = Ref("Lease", LEASE, namespace, "coordination.k8s.io/v1")
+        self._api, self._holder, self._now, self._wall = api, holder, now, wall
         self._seen: tuple[str, float] = ("", 0.0)  # the version of somebody else's Lease, and since when we know it
 
     def acquire(self) -> Hold:
@@ -85,7 +83,7 @@ class Lease:
     def _write(self, way: Callable[[Object], Object], found: Object, holder: str) -> Hold:
         """Write it with this holder, us or nobody. Whoever was faster has it: then that is the answer."""
         time_now = datetime.fromtimestamp(self._wall(), UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        body = lease_with(holder, found, self._holder, self._seconds, time_now)
+        body = lease_with(holder, found, self._holder, LEASE_SECONDS, time_now)
         try:
             return _hold(way(body), self._holder)
         except ApiError as exc:

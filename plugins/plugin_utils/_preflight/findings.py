@@ -97,11 +97,6 @@ def comparable(facts: Result) -> bool:
         return False
 
 
-def findings(facts: Result, wanted: Variables) -> list[Finding]:
-    """Everything that is wrong with one host by itself."""
-    return [finding for check in CHECKS for finding in check(facts, wanted)]
-
-
 def fleet_findings(name: str, fleet: Mapping[str, Result]) -> Iterable[Finding]:
     """What is wrong with one host only because of another one: the same name, a different MTU."""
     mine, order = fleet[name], list(fleet)
@@ -337,8 +332,8 @@ def judge(fleet: Mapping[str, Result], host: str, wanted: Variables) -> list[Fin
     `wanted` are the role's variables, role, node_name, k3s_version and interface of the host, and the addresses of the
     `others`, the cluster's other servers.
     """
-    found = [*findings(fleet[host], wanted), *fleet_findings(host, fleet)]
-    return sorted(found, key=lambda finding: finding.severity != ERROR)
+    alone = [finding for check in CHECKS for finding in check(fleet[host], wanted)]
+    return sorted([*alone, *fleet_findings(host, fleet)], key=lambda finding: finding.severity != ERROR)
 
 
 def report(host: str, found: list[Finding]) -> str:

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from ...module_utils._common.errors import KubeError
 from ...module_utils._step.objects import labels_of
-from ...module_utils._step.words import KEEPER, LEASE, LEASE_SECONDS, OWNER
+from ...module_utils._step.words import KEEPER, LEASE_SECONDS, OWNER
 from .._kube.applied import Applied
 from .._kube.cache import Ref, parse_refs
 from .._kube.client import Kube, ref_of
@@ -94,7 +94,7 @@ class KubeCluster:
     def claim(self, namespace: str) -> Iterator[None]:
         """Be the only run that changes what is in this namespace; HeldError names who is. It ends with its run."""
         # what cannot be renewed within its time need not be renewed for longer
-        lease = Lease(self._kube.within(LEASE_SECONDS), namespace, LEASE, self._holder, LEASE_SECONDS)
+        lease = Lease(self._kube.within(LEASE_SECONDS), namespace, self._holder)
         claim = self._take(lease)
         self._claims.append(claim)
         try:

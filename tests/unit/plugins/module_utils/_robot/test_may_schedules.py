@@ -166,7 +166,7 @@ class Schedule:
             create=lambda body: world.write_lease(SPACE, body),
             replace=lambda body: world.write_lease(SPACE, body) or world.lease(SPACE),
         )
-        lease = Lease(api, SPACE, "robot-update", OTHERS, 15, lambda: world.at, world.wall)  # type: ignore[arg-type]
+        lease = Lease(api, SPACE, OTHERS, lambda: world.at, world.wall)  # type: ignore[arg-type]
         cluster = KubeCluster(SimpleNamespace(allowed_by=lambda _: None), lambda _: None, OTHERS)  # type: ignore[arg-type]
         keeper: Any = SimpleNamespace(hold=self.run_holds, release=world.release)
         for _time in range(2):

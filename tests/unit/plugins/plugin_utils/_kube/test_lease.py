@@ -9,11 +9,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection impo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
-PATH = "/apis/coordination.k8s.io/v1/namespaces/robot-robot1/leases/updates"
+PATH = "/apis/coordination.k8s.io/v1/namespaces/robot-robot1/leases/robot-update"
 
 
 def lease(kube: Kube, holder: str, clock: Clock, wall: float = 1_700_000_000.0) -> Lease:
-    return Lease(kube, "robot-robot1", "updates", holder, 30, now=clock.now, wall=lambda: wall)
+    return Lease(kube, "robot-robot1", holder, now=clock.now, wall=lambda: wall)
 
 
 @pytest.fixture(autouse=True)
@@ -48,9 +48,9 @@ def test_a_holder_that_died_is_waited_for_from_its_last_renewal_on_by_our_own_cl
     lease(kube, "a", Clock(), wall=0.0).acquire()  # its clock is half a century off
     theirs = lease(kube, "b", clock)
     assert not theirs.acquire().mine
-    clock.time += 20
-    assert lease(kube, "a", Clock(), wall=20.0).renew().since == "1970-01-01T00:00:00.000000Z"
-    for seconds, over in ((20, False), (29, False), (1, True)):
+    clock.time += 10
+    assert lease(kube, "a", Clock(), wall=10.0).renew().since == "1970-01-01T00:00:00.000000Z"
+    for seconds, over in ((10, False), (14, False), (1, True)):
         clock.time += seconds
         assert theirs.acquire().mine is over
     assert theirs.acquire().since == "2023-11-14T22:13:20.000000Z"  # not since when the dead one had it

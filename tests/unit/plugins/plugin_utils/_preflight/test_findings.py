@@ -11,8 +11,15 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import co
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import machines
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight import findings as _preflight
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import look, server_addresses
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import (
+    clock_offset,
+    fleet_findings,
+    judge,
+    look,
+    report,
+    server_addresses,
+    warning,
+)
 
 DEFAULTS: dict[str, Any] = {name: option.get("default") for name, option in role_options("preflight").items()}
 WANTED = {
@@ -104,7 +111,7 @@ def taken(protocol: str, port: int, process: str, k3s: bool = False) -> list[dic
 
 
 def lines(facts: dict[str, Any], **wanted: Any) -> list[str]:
-    return [f"{f.severity}: {f.what}" for f in _preflight.findings(facts, {**WANTED, **wanted})]
+    return [f"{f.severity}: {f.what}" for f in judge({"robot1": facts}, "robot1", {**WANTED, **wanted})]
 
 
 @pytest.mark.parametrize(
@@ -215,7 +222,7 @@ SWITCHED_OFF = host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdli
 )
 def test_what_to_do_is_said(facts: dict[str, Any], words: str) -> None:
     """To a Raspberry Pi its own command line is offered."""
-    (finding,) = _preflight.findings(facts, WANTED)
+    (finding,) = judge({"robot1": facts}, "robot1", WANTED)
     assert words in finding.fix
 
 
@@ -229,12 +236,12 @@ def test_what_to_do_is_said(facts: dict[str, Any], words: str) -> None:
     ids=["no offset", "ahead", "behind, and the module's own 20 s do not count"],
 )
 def test_clock_offset_is_bounded_by_the_way_alone(times: tuple[float, ...], expected: dict[str, float]) -> None:
-    assert _preflight.clock_offset(*times) == expected
+    assert clock_offset(*times) == expected
 
 
 def test_hosts_are_compared_with_one_another() -> None:
     twin = host(hostname="ROBOT1", routes=[{"interface": "wlan0", "mtu": 1400}])
-    found = _preflight.fleet_findings("robot2", {"robot1": host(), "robot2": twin})
+    found = fleet_findings("robot2", {"robot1": host(), "robot2": twin})
     assert [(f.severity, f.what.split(":")[0]) for f in found] == [
         ("error", "the host name ROBOT1 is also that of robot1"),
         ("warning", "the machine ID is also that of robot1, as after copying an SD card"),
@@ -244,21 +251,21 @@ def test_hosts_are_compared_with_one_another() -> None:
 
 def test_the_first_of_two_twins_goes_on() -> None:
     fleet = {"edge1": host(), "robot1": host(machine_id="other")}
-    assert [next(iter(_preflight.fleet_findings(name, fleet))).severity for name in fleet] == ["warning", "error"]
+    assert [judge(fleet, name, WANTED)[0].severity for name in fleet] == ["warning", "error"]
 
 
 def test_all_findings_come_in_one_report_errors_first() -> None:
     facts = host(os={"id": "x", "version": "", "name": "X"}, memory_mb=100, routes=[], disk__free_mb=5000)
-    found = _preflight.report("robot1", _preflight.judge({"robot1": facts}, "robot1", WANTED)).splitlines()
+    found = report("robot1", judge({"robot1": facts}, "robot1", WANTED)).splitlines()
     assert found[0] == "robot1: 2 errors, 2 warnings"
     assert [line.split(":")[0].strip() for line in found[1:]] == ["error"] * 2 + ["warning"] * 2
-    told = _preflight.report("robot1", [_preflight.warning("\x1b[31mred\n  error: all", "/etc", "none")])
+    told = report("robot1", [warning("\x1b[31mred\n  error: all", "/etc", "none")])
     assert told.splitlines() == [
         "robot1: 0 errors, 1 warning",
         "  warning: \\x1b[31mred error: all (seen in /etc). Fix: none",
     ]
-    sound = _preflight.judge({"robot1": host()}, "robot1", WANTED)
-    assert _preflight.report("robot1", sound) == "robot1: ready for k3s, nothing to remark"
+    sound = judge({"robot1": host()}, "robot1", WANTED)
+    assert report("robot1", sound) == "robot1: ready for k3s, nothing to remark"
 
 
 # ---- what a host's part makes it need
