@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._step.objects import Object, name_of
-from .pods import controller_of, meta, uid_of
+from .pods import controller_of, space_of, uid_of
 
 # The kinds that the collection deals with, by the path of their API.
 KINDS = {
@@ -86,7 +86,7 @@ class View:
 
     @staticmethod
     def _key(kind: str, obj: Object) -> tuple[str, str, str]:
-        return kind, str(meta(obj).get("namespace") or ""), name_of(obj)
+        return kind, space_of(obj), name_of(obj)
 
     def put(self, kind: str, obj: Object) -> None:
         self._objects[self._key(kind, obj)] = obj

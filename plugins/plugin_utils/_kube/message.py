@@ -20,7 +20,7 @@ from .._model.names import SIDECAR
 from .cache import Ref, View
 from .client import Kube
 from .connection import ApiError
-from .pods import IMAGE_ERRORS, Verdict, condition, containers, ends, meta, uid_of
+from .pods import IMAGE_ERRORS, Verdict, condition, containers, ends, space_of, uid_of
 
 FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
 _PROBE = r"\w+ probe failed: ?"
@@ -68,25 +68,24 @@ def notes_on(kube: Kube, bad: Verdicts, view: View) -> list[str]:
     said = " ".join(verdict.reason for verdict in bad.values())
     try:
         for namespace in sorted({ref.namespace for ref in bad if ref.namespace})[:3]:
-            names = {ref.name for ref in bad if ref.namespace == namespace}
+            ours = tuple(f"{ref.name}-" for ref in bad if ref.namespace == namespace)  # and what is named after them
             events = kube.objects("Event", namespace, fields="type=Warning")
             for pod in view.all("Pod", namespace):
-                notes += _last_words(kube, pod, names, said)
-            notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
+                if f"{name_of(pod)}-".startswith(ours):
+                    notes += _last_words(kube, pod, said)
+            notes += _warnings(one for one in events if _is_news(one, view, namespace, ours, said))
     except ApiError:
         pass
     return notes[:SHOWN]
 
 
-def _concerns(name: str, names: Iterable[str]) -> bool:
-    return any(name == wanted or name.startswith(f"{wanted}-") for wanted in names)
-
-
-def _is_news(event: Object, view: View, namespace: str, said: str) -> bool:
+def _is_news(event: Object, view: View, namespace: str, ours: tuple[str, ...], said: str) -> bool:
     """Not about something that is gone or going, and not what the verdict says already."""
     about = event.get("involvedObject") or {}
     kind, name, message = str(about.get("kind")), str(about.get("name")), str(event.get("message") or "")
     found = view.get(kind, namespace, name)
+    if not f"{name}-".startswith(ours):
+        return False
     if kind == "Pod" and (not found or is_terminating(found) or uid_of(found) != about.get("uid")):
         return False
     if kind == "ReplicaSet" and found and not (found.get("spec") or {}).get("replicas"):
@@ -97,20 +96,18 @@ def _is_news(event: Object, view: View, namespace: str, said: str) -> bool:
     return event.get("reason") != "BackOff" and bare not in IMAGE_ERRORS and bare not in said
 
 
-def _warnings(events: Iterable[Object], names: Iterable[str]) -> list[str]:
+def _warnings(events: Iterable[Object]) -> list[str]:
     """The newest warning of each object."""
     newest: dict[str, Object] = {}
     for event in sorted(events, key=_when):
-        about = event.get("involvedObject") or {}
-        if _concerns(str(about.get("name", "")), names):
-            newest[f"{about.get('kind')} {about.get('name')}"] = event
+        about = event["involvedObject"]
+        newest[f"{about.get('kind')} {about.get('name')}"] = event
     return [f"  event of {about}: {event.get('reason')}: {event.get('message')}" for about, event in newest.items()]
 
 
-def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> list[str]:
-    name, namespace = name_of(pod), _space(pod)
-    recovered = condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said
-    if not _concerns(name, names) or recovered:
+def _last_words(kube: Kube, pod: Object, said: str) -> list[str]:
+    name, namespace = name_of(pod), space_of(pod)
+    if condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said:  # it has recovered
         return []
     lines: list[str] = []
     for container in containers(pod):
@@ -124,8 +121,8 @@ def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> lis
     return lines
 
 
-def telling(log: str, count: int = TELLING_LINES) -> list[str]:
-    """So many lines of a log that say the most of an end, in the log's order.
+def telling(log: str) -> list[str]:
+    """A few lines of a log that say the most of an end, in the log's order.
 
     Errors and exceptions come before the rest. Of what is the same each time, as the end of each node, one is enough.
     """
@@ -133,7 +130,7 @@ def telling(log: str, count: int = TELLING_LINES) -> list[str]:
     alike = {_NUMBER.sub("", _NAME.sub("", line)): number for number, line in enumerate(lines)}  # the last of each kind
     errors = [number for number in alike.values() if _ERROR.search(lines[number])]
     others = [number for number in alike.values() if number not in errors]
-    chosen = [*sorted(errors)[-count:], *sorted(others, reverse=True)][:count]
+    chosen = [*sorted(errors)[-TELLING_LINES:], *sorted(others, reverse=True)][:TELLING_LINES]
     return [lines[number] for number in sorted(chosen)]
 
 
@@ -176,15 +173,11 @@ class ProbeNews:
             return False
         self.due = now + SECONDS
         try:
-            for namespace in {_space(pod) for pod in pods}:
+            for namespace in {space_of(pod) for pod in pods}:
                 self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
             for pod in pods:
                 if SIDECAR in (one.get("name") for one in containers(pod)):
-                    self.lines[uid_of(pod)] = kube.log_tail(_space(pod), name_of(pod), SIDECAR, 1, previous=False)
+                    self.lines[uid_of(pod)] = kube.log_tail(space_of(pod), name_of(pod), SIDECAR, 1, previous=False)
         except ApiError as error:  # the wait can do without: the watch tells what matters
             self.due = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
         return True
-
-
-def _space(pod: Object) -> str:
-    return str(meta(pod).get("namespace"))

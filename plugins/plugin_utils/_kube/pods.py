@@ -44,6 +44,10 @@ def meta(obj: Object) -> Object:
     return dict(obj.get("metadata") or {})
 
 
+def space_of(obj: Object) -> str:
+    return str(meta(obj).get("namespace") or "")
+
+
 def uid_of(obj: Object) -> str:
     return str(meta(obj).get("uid", ""))
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ...module_utils._step.objects import Object, is_terminating
 from .._model import names
-from .pods import containers, meta
+from .pods import containers, meta, space_of
 
 TODO = "give the image a version of its own, or delete the pod while the robot rests"
 # A node, and an image's name -> IDs that it may have there; nothing where nobody knows.
@@ -43,4 +43,4 @@ def outdated(pods: Iterable[Object], known: Known) -> Iterator[Outdated]:
                 if has and means and not has & means:
                     app = str((meta(pod).get("labels") or {}).get(names.LABEL_APP) or meta(pod).get("name"))
                     what = f"runs another image than {image} is by now on {node}: its pod keeps the old one"
-                    yield Outdated(str(meta(pod).get("namespace") or ""), app, what)
+                    yield Outdated(space_of(pod), app, what)
