@@ -41,6 +41,8 @@ TOKENS, KUBECONFIG = ("token", "agent-token"), "/home/me/edge.yaml"
 WANTED = Wanted(True, "https://edge1:6443", (CONFIG,), TOKENS, (), KUBECONFIG)
 SOURCE = Artifacts(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
 NO_ARCHIVE = Artifacts(sha256="binary")
+AGENT: dict[str, Any] = {"init": False, "tokens": ("agent-token",)}
+STARTING = {"service__active": "activating"}
 
 
 def planned(
@@ -82,19 +84,18 @@ def test_a_file_that_k3s_does_not_read_is_written_and_nothing_is_started_again()
         ({"ready": False}, {}, {"unsure": False, "any": True, "undone": False}),
         ({"stale": True, "ready": False, "data": False}, {}, {"unsure": False}),
         ({"stale": True, "ready": False, "service__active": "failed"}, {}, {"unsure": False, "down": True}),
-        ({"ready": False, "change__unproven": True}, {}, {"unsure": True}),
+        ({"ready": False, "change__unproven": True}, {}, {"unsure": True, "guarded": True, "any": True}),
         ({"stale": True, "data": False}, {}, {"guarded": False}),
         ({"stale": True, "service__active": "inactive"}, {}, {"guarded": False}),
         ({"change__unproven": True}, {}, {"guarded": True, "restart": False, "wait": True, "any": True}),
-        ({"change__unproven": True, "ready": False}, {}, {"guarded": True, "works": False, "any": True}),
         # what was cut off has left it stopped
         ({"change__unproven": True, "service__active": "inactive"}, {}, {"guarded": True, "restart": True}),
         # asked for once, and done after that
         ({}, {"rotate": "certificates"}, {"rotate": "certificates", "guarded": True, "restart": True, "undone": False}),
         ({"stale": True}, {"rotate": "token"}, {"any": True, "undone": True}),
         ({"tokens__server": "behind"}, {}, {"tokens": ["token"], "guarded": True, "undone": True}),
-        ({"service__active": "activating", "stale": True, "ready": False}, {}, {"start": True, "state": "restarted"}),
-        ({"service__active": "activating", "ready": False}, {}, {"start": False, "wait": True, "kubeconfig": False}),
+        ({**STARTING, "stale": True, "ready": False}, {}, {"start": True, "state": "restarted"}),
+        ({**STARTING, "ready": False}, {}, {"start": False, "wait": True, "kubeconfig": False}),
         ({"service__enabled": False}, {}, {"start": True, "state": "started"}),
         ({}, {"source": replace(SOURCE, sha256="newer")}, {"binary": True, "state": "restarted", "wait": True}),
         ({}, {"source": replace(SOURCE, sha256="")}, {"binary": False, "any": False}),
@@ -104,24 +105,13 @@ def test_a_file_that_k3s_does_not_read_is_written_and_nothing_is_started_again()
         # agents that have joined need none
         ({"tokens__agent": "differs"}, {}, {"tokens": ["agent-token"], "guarded": True, "restart": True}),
         ({"data": False}, {}, {"tokens": [], "any": False}),
-        ({"data": False}, {"init": False, "tokens": ("agent-token",)}, {"tokens": ["agent-token"]}),
-        ({}, {"init": False, "tokens": ("agent-token",)}, {"any": False}),  # it may have ended
-        # a robot that was off for a year, and one that was named
-        ({"lapsed": True}, {"init": False, "tokens": ("agent-token",)}, {"tokens": ["agent-token"], "guarded": True}),
-        ({}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"tokens": ["agent-token"], "guarded": True}),
-        # after a run that named it the token is no work that is left
-        ({}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"any": True, "undone": False}),
-        ({"stale": True}, {"init": False, "tokens": ("agent-token",), "anew": True}, {"undone": True}),
-        (
-            {"ready": False, "service__active": "activating"},
-            {"init": False, "tokens": ("agent-token",), "anew": True},
-            {"unsure": False, "guarded": False, "restart": True},
-        ),
-        (
-            {"lapsed": True, "ready": False, "service__active": "activating"},
-            {"init": False, "tokens": ("agent-token",)},
-            {"unsure": False, "guarded": False, "restart": True},
-        ),
+        ({"data": False}, AGENT, {"tokens": ["agent-token"]}),
+        ({}, AGENT, {"any": False}),  # it may have ended
+        # a robot that was off for a year, and one that was named; after a run that named it the token is not left to do
+        ({"lapsed": True}, AGENT, {"tokens": ["agent-token"], "guarded": True}),
+        ({}, {**AGENT, "anew": True}, {"tokens": ["agent-token"], "guarded": True, "any": True, "undone": False}),
+        ({"stale": True}, {**AGENT, "anew": True}, {"undone": True}),
+        ({**STARTING, "ready": False}, {**AGENT, "anew": True}, {"unsure": False, "guarded": False, "restart": True}),
         ({"images": {}}, {}, {"archive": True, "start": False, "any": True}),
         ({"images": {"k3s-airgap-images-amd64-0123456789ab.tar": 5}}, {}, {"archive": True}),
         ({"images": {}}, {"source": NO_ARCHIVE}, {"archive": False, "any": False}),
@@ -180,29 +170,17 @@ VARIABLES: dict[str, Any] = {
         ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
         ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
         ({}, {"k3s_install_source": "airgap"}, "needs k3s_airgap_dir"),
-        ({"version": "v1.35.0+k3s1"}, {}, "k3s v1.34.2+k3s1 is older than v1.35.0+k3s1"),
         ({"version": "v1.35.0+k3s1", "change": {"unproven": False, "version": "v1.34.2+k3s1"}}, {}, "is older than"),
         ({"cgroup_refused": True}, {"k3s_version": "v1.35.5+k3s1"}, "which has cgroup v1"),
         ({"machine": "riscv64"}, {}, "no k3s for the architecture riscv64"),
+        ({}, {}, ""),  # a sound host, and the way back from what nobody has proven
+        ({"version": "v1.35.0+k3s1", "change": {"unproven": True, "version": "v1.34.2+k3s1"}}, {}, ""),
+        ({"version": "v1.35.0+k3s1"}, {"k3s_install_source": "airgap", "k3s_airgap_dir": "/srv"}, ""),
     ],
 )
 def test_each_is_named(now: dict[str, Any], variables: dict[str, Any], words: str) -> None:
-    (found,) = refusals({**SOUND, **now}, {**VARIABLES, **variables}, "edge1")
-    assert words in found
-
-
-@pytest.mark.parametrize(
-    ("now", "variables"),
-    [
-        ({}, {}),
-        ({"version": "v1.35.0+k3s1", "change": {"unproven": True, "version": "v1.34.2+k3s1"}}, {}),
-        ({"version": "v1.35.0+k3s1"}, {"k3s_install_source": "airgap", "k3s_airgap_dir": "/srv"}),
-    ],
-)
-def test_a_sound_host_and_the_way_back_from_what_nobody_has_proven_are_not_refused(
-    now: dict[str, Any], variables: dict[str, Any]
-) -> None:
-    assert list(refusals({**SOUND, **now}, {**VARIABLES, **variables}, "edge1")) == []
+    found = list(refusals({**SOUND, **now}, {**VARIABLES, **variables}, "edge1"))
+    assert [words in one for one in found] == [True] * bool(words)
 
 
 def test_all_are_found_at_once() -> None:
@@ -212,10 +190,8 @@ def test_all_are_found_at_once() -> None:
 @pytest.mark.parametrize(
     ("installed", "wanted", "more", "words"),
     [
-        ("", VERSION, {}, ""),
         (VERSION, "", {}, ""),
         (VERSION, VERSION, {}, ""),
-        (VERSION, "v1.34.3+k3s1", {}, ""),
         ("a build of our own", VERSION, {}, ""),
         (VERSION, "v1.34.1+k3s1", {}, "k3s v1.34.1+k3s1 is older than v1.34.2+k3s1, which runs there"),
         ("v1.31.1+k3s1", VERSION, {}, "a minor version is skipped"),
