@@ -66,7 +66,7 @@ def test_each_namespace_has_gates_and_a_thread_of_its_own_and_a_whole_fleets_tak
             for one in every.gates.values():
                 one.over = True
             for path in pods:
-                api.send(path, END)
+                api.events(path).put(END)
             api.stop()
         one, other = every.gates["robot-r1"], every.made("robot-r2")
         assert (one.namespace, one.ros.uri, one.keeper) == ("robot-r1", "http://master:11311", keeper)

@@ -20,7 +20,7 @@ from urllib.parse import parse_qs, urlparse
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import PLACES
 
 PLURALS = {plural for _base, plural in PLACES.values()}
-END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
+END, CUT = "end", "cut"  # how a watch stream ends, instead of an event
 SERVICE_ADDRESS = "127.0.0.200"  # nothing listens there, which is known at once; which a Service gets that names none
 
 
@@ -65,11 +65,8 @@ class Server(ThreadingHTTPServer):
         with self._lock:
             return self._events.setdefault(path, queue.Queue())
 
-    def send(self, path: str, what: str, obj: Any = None) -> None:
-        """An event on the watch of that path, or how that watch ends."""
-        if what == END:
-            self.events(path).put(what)
-            return
+    def send(self, path: str, what: str, obj: Any) -> None:
+        """An event on the watch of that path."""
         self.version += 1
         made = {**obj, "metadata": {**obj["metadata"], "resourceVersion": str(self.version)}}
         self.events(path).put({"type": what, "object": made})
@@ -164,39 +161,40 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, *unused: object) -> None:
         """Quiet."""
 
-    def do_GET(self) -> None:
+    def _asked(self) -> tuple[str, dict[str, str]]:
         url = urlparse(self.path)
-        query = {key: values[0] for key, values in parse_qs(url.query).items()}
-        self.server.requests.put((url.path, query, {key.lower(): value for key, value in self.headers.items()}))
+        return url.path, {key: values[0] for key, values in parse_qs(url.query).items()}
+
+    def do_GET(self) -> None:
+        path, query = self._asked()
+        self.server.requests.put((path, query, {key.lower(): value for key, value in self.headers.items()}))
         if self.server.refusals:
             self._answer(*self.server.refusals.pop(0))
-        elif self.server.refuse(url.path):
-            self._answer(self.server.refuse(url.path), f"no {url.path} for you")
+        elif status := self.server.refuse(path):
+            self._answer(status, f"no {path} for you")
         elif "watch" in query:
-            self._watch(url.path)
-        elif url.path in self.server.lists or url.path.rpartition("/")[2] in PLURALS:
-            items = self.server.lists.get(url.path, [])
+            self._watch(path)
+        elif path in self.server.lists or path.rpartition("/")[2] in PLURALS:
+            items = self.server.lists.get(path, [])
             self._send(200, {"metadata": {"resourceVersion": str(self.server.version)}, "items": items})
-        elif self.server.find(url.path):
-            self._send(200, self.server.find(url.path))
+        elif found := self.server.find(path):
+            self._send(200, found)
         else:
             self._answer(404, "not found")
 
     def _write(self) -> None:
-        url = urlparse(self.path)
-        query = {key: values[0] for key, values in parse_qs(url.query).items()}
+        path, query = self._asked()
         body = json.loads(self.rfile.read(int(self.headers.get("Content-Length") or 0)) or b"{}")
-        self.server.writes.append(f"{self.command} {url.path}")
+        self.server.writes.append(f"{self.command} {path}")
         if self.server.write_refusals:
             self._answer(*self.server.write_refusals.pop(0))
-            return
-        if url.path.endswith("/token"):
-            self._send(201, {"status": {"token": self.server.token(url.path, body["spec"]["expirationSeconds"])}})
-            return
-        content = self.headers.get("Content-Type") or ""
-        with self.server.writing:
-            status, answer = self.server.write(self.command, url.path, query, body, content)
-        (self._send if status == 200 else self._answer)(status, answer)
+        elif path.endswith("/token"):
+            self._send(201, {"status": {"token": self.server.token(path, body["spec"]["expirationSeconds"])}})
+        else:
+            content = self.headers.get("Content-Type") or ""
+            with self.server.writing:
+                status, answer = self.server.write(self.command, path, query, body, content)
+            (self._send if status == 200 else self._answer)(status, answer)
 
     do_PATCH = do_POST = do_PUT = do_DELETE = _write  # noqa: N815 - the library's names
 
@@ -225,8 +223,6 @@ class _Handler(BaseHTTPRequestHandler):
             if event == END:
                 self.wfile.write(b"0\r\n\r\n")
                 return
-            if event == GONE:
-                event = {"type": "ERROR", "object": {"kind": "Status", "code": 410, "message": "too old"}}
             line = json.dumps(event).encode() + b"\n"
             for part in (line[:7], line[7:]):  # a line may come in pieces
                 self.wfile.write(f"{len(part):x}\r\n".encode() + part + b"\r\n")

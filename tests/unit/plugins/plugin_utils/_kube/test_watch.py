@@ -13,9 +13,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Re
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import StreamEvent, Watch
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import CUT, END, GONE, Server
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import CUT, END, Server
 
 PODS = Ref("Pod", "", "robot-robot1")
+GONE = {"type": "ERROR", "object": {"kind": "Status", "code": 410, "message": "too old"}}
 
 
 def take(watch: Watch, count: int) -> list[StreamEvent]:
@@ -92,7 +93,7 @@ def test_credentials_that_worked_get_some_more_chances(
     with Watch(kube, [PODS]) as watch:
         take(watch, 1)
         server.refusals += [(401, "still starting")] * count
-        server.send(PODS.path, END)
+        server.events(PODS.path).put(END)
         whats: list[str] = []
         while end not in whats:
             whats += [change.what for change in take(watch, 1)]
