@@ -143,7 +143,6 @@ SWITCHED_OFF = host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdli
         (host(disk__total_mb=16000, disk__free_mb=2900), {},
          "error: 2900 MiB free for /var/lib/rancher, at least 3000"),
         (host(disk__total_mb=256000, disk__free_mb=12000), {}, "error: 12000 MiB free for /var/lib/rancher, 4.7 %"),
-
         (host(disk__free_mb=9000), {}, "warning: 9000 MiB free for /var/lib/rancher; images fill that fast"),
         (host(disk__total_mb=128000, disk__free_mb=20000), {}, "warning: 20000 MiB free for /var/lib/rancher, 15.6 %"),
         (host(disk__free_inodes=100), {}, "warning: 100 inodes free"),
