@@ -148,7 +148,7 @@ class ActionModule(HostAction):
             exchange.refuse()
             return _told(self.taken(HostChange(exchange, settings, self.world(known))), exchange)
         with self.cluster(params, known) as kube:
-            pods_notice = _permitted(exchange, kube.nodes(), variables)
+            pods_notice = _permitted(exchange, kube.objects("Node"), variables)
             if pods_notice:
                 self.say(known)(
                     f"k3s {exchange.before} -> {exchange.after}: the kubelet of another minor version may start all "

@@ -61,7 +61,7 @@ class ActionModule(ClusterAction):
         return spec, stack_files(spec["dashboards"], base, spec["grafana"]["default_dashboards"])
 
     def _wait(self, kube: Kube, objects: list[Object], options: WaitOptions) -> None:
-        off = nodes_off(kube.nodes())
+        off = nodes_off(kube.objects("Node"))
         if off:
             options.say(
                 f"{', '.join(off)}: off; what runs on every host starts there when they are back, without a wait"

@@ -166,7 +166,7 @@ class ActionModule(GatedAction):
         found = self._fetch(self._vars).networks(
             hosts[self._host]["cluster"],
             {*own, *servers},
-            lambda: {name_of(node): host_networks(node) for node in kube.nodes()},
+            lambda: {name_of(node): host_networks(node) for node in kube.objects("Node")},
         )
         groups = own, servers, edge, sorted(found)
         return Hosts(*([one for node in group for one in found.get(node, ())] for group in groups))

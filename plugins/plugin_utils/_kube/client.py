@@ -35,9 +35,6 @@ class Kube(ApiConnection):
         path, said = Ref(kind, "", namespace).path, {key: value for key, value in query.items() if value}
         return self._patiently(lambda: self.page(path, said))[0]
 
-    def nodes(self) -> list[Object]:
-        return self.objects("Node")
-
     def get(self, ref: Ref) -> Object | None:
         """One object as it is, None if it is not there."""
         try:

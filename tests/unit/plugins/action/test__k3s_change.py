@@ -55,7 +55,7 @@ class Host:
         self.rotate_token = Mock(side_effect=lambda *given: self.asked.append(f"token of {given[2]}"))
         monkeypatch.setattr(_k3s_change, "rotate_token", self.rotate_token)
 
-    def nodes(self) -> list[dict[str, Any]]:
+    def objects(self, _kind: str) -> list[dict[str, Any]]:
         return self.known_nodes
 
     def module(self, args: dict[str, Any]) -> dict[str, Any]:

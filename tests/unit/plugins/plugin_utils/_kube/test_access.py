@@ -52,7 +52,7 @@ def test_an_environment_that_does_not_count_adds_nothing(
     access = access_from({"kubeconfig": str(path)}, environment=False)
     assert (access.configuration.host, access.configuration.verify_ssl, access.headers) == (server.url, True, ())
     with Kube(access) as kube:
-        kube.nodes()
+        kube.objects("Node")
     assert server.seen()[2]["authorization"] == "Bearer from-file"
     assert access_from({}).configuration.host == "https://b"  # it is there again
 

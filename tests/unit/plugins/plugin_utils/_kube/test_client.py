@@ -54,7 +54,7 @@ def test_lists_with_selectors_and_impersonation(server: Server, monkeypatch: pyt
 def test_refusals(server: Server, kube: Kube, status: int, words: str, transient: bool) -> None:
     server.refusals += [(status, "slow down")] * (50 if transient else 1)
     with pytest.raises(ApiError, match=words) as error:
-        kube.nodes()
+        kube.objects("Node")
     assert server.url in str(error.value)
     assert "secret-token" not in str(error.value)
     assert (error.value.status, error.value.transient, "It was tried" in str(error.value)) == (
@@ -65,7 +65,7 @@ def test_refusals(server: Server, kube: Kube, status: int, words: str, transient
 def test_nothing_listens() -> None:
     url = f"http://{SERVICE_ADDRESS}:1"
     with Kube({"host": url, "api_key": "t"}, patience=0) as kube, pytest.raises(ApiError) as error:
-        kube.nodes()
+        kube.objects("Node")
     assert str(error.value).startswith(f"The Kubernetes API at {url} cannot be reached: connection refused. Check that")
     assert error.value.transient
 
@@ -76,7 +76,7 @@ def test_nothing_listens() -> None:
 def test_patience_has_an_end_that_says_what_was_seen(server: Server, kube: Kube, clock: Clock, said: list[str]) -> None:
     server.refusals += [(503, "etcd has no leader"), *[(503, "starting")] * 20]
     with pytest.raises(ApiError, match=r"503 .*starting.* tried \d times in 4 s; before: .*no leader") as error:
-        kube.within(4).nodes()
+        kube.within(4).objects("Node")
     assert clock.time == pytest.approx(4)
     assert error.value.transient and not said  # nobody is told of what is over by then
 
@@ -284,7 +284,7 @@ def test_merge(server: Server, kube: Kube) -> None:
 def test_an_answer_without_end_is_not_read(server: Server, kube: Kube, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot that is a cluster of its own may answer what it wants."""
     server.lists["/api/v1/nodes"] = [{"metadata": {"name": "x" * 5000, "resourceVersion": "7"}}]
-    assert kube.nodes()
+    assert kube.objects("Node")
     monkeypatch.setattr(connection, "MAX_ANSWER", 4000)
     with pytest.raises(ApiError, match="more than 4000 bytes was not read"):
-        kube.nodes()
+        kube.objects("Node")
