@@ -146,13 +146,6 @@ def test_the_files_of_hardening(host: str, audits: bool) -> None:
     assert f"ExecStartPre=-/sbin/sysctl -p {SYSCTLS}" in found.files[1].content.splitlines()
 
 
-def test_no_k3s_is_started_anew_for_a_hardening_that_nobody_asked_for() -> None:
-    for host in HOSTVARS:
-        found = part(host)
-        assert "sysctl" not in found.files[1].content
-        assert not {SYSCTLS, AUDIT_POLICY} & set(found.started_with)
-
-
 def test_the_operators_own_configuration_comes_last_and_null_takes_a_key_out() -> None:
     found = config("robot1", k3s_config={"server": None, "node-ip": "10.0.0.9"}, k3s_node_ip="10.0.0.8")
     assert found == {"node-name": "robot1", "token-file": "/etc/rancher/k3s/agent-token", "node-ip": "10.0.0.9"}
@@ -192,9 +185,12 @@ def test_an_ipv6_address_is_one_in_the_certificate() -> None:
     assert found.url == "https://[2001:db8::1]:6443"
 
 
-def test_what_is_not_asked_for_is_not_to_be_there() -> None:
-    empty = [file.path for file in part("robot1").files if not file.content]
-    assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment", SYSCTLS, AUDIT_POLICY]
+def test_what_is_not_asked_for_is_not_to_be_there_and_no_k3s_is_started_anew_for_it() -> None:
+    for found in map(part, HOSTVARS):
+        empty = [file.path for file in found.files if not file.content]
+        assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment", SYSCTLS, AUDIT_POLICY]
+        assert "sysctl" not in found.files[1].content
+        assert not {SYSCTLS, AUDIT_POLICY} & set(found.started_with)
     assert [part(host).kubeconfig for host in HOSTVARS] == ["/kube/edge.yaml", "", ""]
     assert part("edge1", k3s_kubeconfig_path="").kubeconfig == ""
 

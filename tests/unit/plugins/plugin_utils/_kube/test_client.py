@@ -109,11 +109,9 @@ def test_apply_creates_changes_and_then_changes_nothing(server: Server, kube: Ku
 def test_many_of_a_kind_are_looked_up_by_one_list(server: Server, kube: Kube) -> None:
     maps = [config_map(name) for name in "abc"]
     kube.apply([NAMESPACE, *maps])
-    while not server.requests.empty():
-        server.requests.get()
+    server.requests.queue.clear()
     assert not any(one.changed for one in kube.apply([NAMESPACE, *maps]))
-    asked = [server.requests.get()[0] for _request in range(server.requests.qsize())]
-    assert asked == [MAPS, f"{NAMESPACES}/robot-robot1"]
+    assert [path for path, _query, _headers in server.requests.queue] == [MAPS, f"{NAMESPACES}/robot-robot1"]
 
 
 def test_a_dry_run_writes_nothing_and_says_what_would_be(server: Server, kube: Kube) -> None:
