@@ -23,19 +23,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings i
 
 DEFAULTS: dict[str, Any] = {name: option.get("default") for name, option in role_options("preflight").items()}
 WANTED = {
+    **DEFAULTS,
     "role": "agent",
     "node_name": "robot1",
     "k3s_version": "v1.34.2+k3s1",
     "interface": "",
     "others": ["10.0.0.1"],
-    "preflight_systems": ["debian", "ubuntu", "raspbian"],
-    "preflight_memory_mb": {
-        "agent": {"minimum": 400, "recommended": 900},
-        "server": {"minimum": 900, "recommended": 1500},
-    },
-    "preflight_disk_mb": {"minimum": 3000, "recommended": 10000},
-    "preflight_disk_percent": {"minimum": 6, "recommended": 16},
-    "preflight_clock_offset": {"maximum": 30, "recommended": 1},
 }
 
 X86: dict[str, Any] = {
