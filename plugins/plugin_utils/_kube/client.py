@@ -98,11 +98,10 @@ class Kube(ApiConnection):
             foreign = foreign_fields(seen, wanted, MANAGER) if seen and ref.kind in OURS_ALONE else {}
             if seen and foreign and not dry_run:
                 seen = self._take_over(ref, seen, foreign)
-            fence = {}
+            metadata = {**wanted["metadata"]}
             if seen and ref.kind in FENCED and not dry_run:
-                fence = {"resourceVersion": seen["metadata"].get("resourceVersion")}
-            body = {**wanted, "metadata": {**wanted["metadata"], **fence}}
-            after = self._object("PATCH", ref.path, query, body, APPLY)
+                metadata["resourceVersion"] = seen["metadata"].get("resourceVersion")
+            after = self._object("PATCH", ref.path, query, {**wanted, "metadata": metadata}, APPLY)
             # which a dry run cannot foresee
             return without_fields(after, foreign_fields(after, wanted, MANAGER)) if foreign and dry_run else after
 

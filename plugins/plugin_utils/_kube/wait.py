@@ -93,8 +93,8 @@ class _Wait:
         if blind and not self.unlisted:
             self.seen = self.options.now()
 
-    def rows(self) -> Verdicts:
-        """The verdicts now. Until every stream has listed, nothing passes: what is missing may only be unseen."""
+    def look(self) -> tuple[Verdicts, str]:
+        """The verdicts now, and all in one. Until every stream has listed, nothing passes: it may only be unseen."""
         now, rows = self.options.now(), {}
         for ref in self.refs:
             verdict, pods = judge(ref, self.view, self.refs), present_pods(ref, self.view)
@@ -105,7 +105,7 @@ class _Wait:
                 if self.options.begun and verdict.verdict == WAIT and self._have_begun(ref, pods, verdict, now):
                     verdict = replace(verdict, verdict=PASS, suspect="")
             rows[ref] = self.tracker.settle(ref, verdict, now)
-        return rows
+        return rows, overall([one.verdict for one in rows.values()])
 
     def _have_begun(self, ref: Ref, pods: Sequence[Object], verdict: Verdict, now: float) -> bool:
         """Whether they run, and not only until they see that they cannot; or have no place yet.
@@ -123,8 +123,7 @@ class _Wait:
         for pod in pods if self.options.fail_on_restart else ():
             # a pod that was Ready when first seen had its restarts in an earlier life
             before = self.options.before.setdefault(uid_of(pod), restarts(pod) if is_ready(pod) else {})
-            ended = error_end(pod, before)
-            if ended:
+            if ended := error_end(pod, before):
                 return ended
         waiting = [pod for pod in pods if waits_for_probe(pod)]
         said = [f"pod {name_of(pod)}: {line}" for pod in waiting if (line := self.news.lines.get(uid_of(pod)))]
@@ -154,10 +153,10 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
     say_at = wait.start + SAY_SECONDS
     with options.watch(kube, targets_for(refs)) as stream:
         while True:
-            rows = wait.rows()
-            if _overall(rows) == WAIT and wait.news.ask(kube, wait.starting(), options.now()):
-                rows = wait.rows()
-            verdict, now = _overall(rows), options.now()
+            rows, verdict = wait.look()
+            if verdict == WAIT and wait.news.ask(kube, wait.starting(), options.now()):
+                rows, verdict = wait.look()
+            now = options.now()
             if wait.stayed(verdict):
                 return _result(rows, wait.elapsed())
             wait.count()
@@ -177,10 +176,6 @@ def wait_for_rollout(kube: Kube, refs: Sequence[Ref], options: WaitOptions) -> R
             for change in stream.changes(min(end for end in ends if end is not None) - now):
                 wait.take(change)
     raise _not_ready(kube, wait, rows, verdict)
-
-
-def _overall(rows: Verdicts) -> str:
-    return overall([one.verdict for one in rows.values()])
 
 
 def look_once(kube: Kube, refs: Sequence[Ref]) -> Result:
