@@ -89,10 +89,6 @@ def containers(pod: Object) -> Iterator[Object]:
         yield from status.get(key) or []
 
 
-def _state(container: Object, which: str) -> Object:
-    return dict((container.get("state") or {}).get(which) or {})
-
-
 def _words(*parts: str) -> str:
     return ": ".join(part.strip() for part in parts if part and part.strip())
 
@@ -111,7 +107,8 @@ def _exit(ended: Object) -> str:
 
 def ends(container: Object) -> tuple[Object, Object]:
     """How the container ended, and how the one did that was there before it."""
-    return _state(container, "terminated"), dict((container.get("lastState") or {}).get("terminated") or {})
+    now, before = (container.get(key) or {} for key in ("state", "lastState"))
+    return dict(now.get("terminated") or {}), dict(before.get("terminated") or {})
 
 
 def _restarts(container: Object) -> str:
@@ -122,12 +119,12 @@ def _restarts(container: Object) -> str:
 def _of_container(container: Object, who: str) -> Verdict | None:
     """Why it does not run, if so."""
     where = f"{who}, container {container.get('name', '?')}"
-    waiting = _state(container, "waiting")
+    waiting, (ended, last) = (container.get("state") or {}).get("waiting") or {}, ends(container)
     why, message = str(waiting.get("reason") or ""), _message(waiting)
     if why in IMAGE_ERRORS:
         return Verdict(FAIL, _words(where, why, f"image {container.get('image', '?')}", message))
     if why == CRASH_LOOP:  # by itself the kubelet restarts a first crash at once: without a restart it is no loop yet
-        looped, (_now, last) = bool(container.get("restartCount")), ends(container)
+        looped = bool(container.get("restartCount"))
         said = _words(where, CRASH_LOOP, _restarts(container) + (f", last {_exit(last)}" if last else ""))
         return Verdict(FAIL if looped else WAIT, said, "" if looped else CRASH_LOOP)
     if why in CONFIG_ERRORS and not any(slow in message for slow in KUBELET_TOO_SLOW):
@@ -135,7 +132,6 @@ def _of_container(container: Object, who: str) -> Verdict | None:
     if waiting:
         lasting = why in RUNTIME_ERRORS or why in CONFIG_ERRORS
         return Verdict(WAIT, _words(where, why or "waiting", message), suspect=why if lasting else "")
-    ended = _state(container, "terminated")
     return Verdict(WAIT, _words(where, f"ended with {_exit(ended)}")) if ended.get("exitCode") else None
 
 
