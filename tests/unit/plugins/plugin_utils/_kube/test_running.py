@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Outdated, outdated
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import gone_soon
 
 REF, OLD, NEW = "lab/apps:1.0", "sha256:01d", "sha256:4e3"
 BY_DIGEST = "docker.io/lab/apps@sha256:a9a"  # of the manifest: so says containerd of what was pulled
@@ -47,14 +48,9 @@ def node(**images: set[str]) -> Any:
         (pod(OLD, state={"waiting": {}}), node(tag={NEW}), False),
         (pod("", state={"running": {}}), node(tag={NEW}), False),
         (pod(OLD, image=BY_DIGEST), node(digest={OLD}), False),
+        (gone_soon(pod(OLD)), node(tag={NEW}), False),  # it is replaced anyway
     ],
 )
 def test_what_a_pod_runs_and_what_its_images_name_means(there: Object, known: Any, found: bool) -> None:
     what = "runs another image than lab/apps:1.0 is by now on r1: its pod keeps the old one"
     assert [*outdated([there], known)] == ([Outdated("robot-r1", "sensor", what)] if found else [])
-
-
-def test_a_pod_on_its_way_out_is_replaced_anyway() -> None:
-    there = pod(OLD)
-    there["metadata"]["deletionTimestamp"] = "2026-11-25T04:00:00Z"
-    assert [*outdated([there], node(tag={NEW}))] == []
