@@ -149,6 +149,7 @@ def lost(target: Ref) -> StreamEvent:
 GOING, GONE, HERE = [changed(PODS, gone_soon(old_pod, 45))], [changed(PODS, old_pod, "gone")], [changed(PODS, new_pod)]
 RUNS, DEAD = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW, [app(state=CRASHED)])
 FETCHES = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+NO_IMAGE = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "gone")])
 NO_ROOM = unscheduled("talker-new-1", NEW, "0/1 nodes are available: 1 node(s) didn't have free ports")
 NO_QUOTA = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota"}
 NONE_YET = {"status": {"availableReplicas": 0, "updatedReplicas": 0, "replicas": 0}}
@@ -185,6 +186,9 @@ TIMES: dict[str, tuple[list[Any], dict[str, Any], str, float]] = {
     ),
     "the API is away later": (
         [(0.1, lists(new_pod, old_pod)), (5, [lost(PODS)]), (22, [listed(PODS, new_pod)])], {}, "", 22,
+    ),
+    "no image": (
+        [(0.1, lists(old_pod)), (1, [changed(PODS, NO_IMAGE)])], {}, "ImagePullBackOff: image lab/apps:1.0: gone (", 1,
     ),
     # an end with an error, at once
     "an end": ([BOTH, (1, [changed(PODS, DEAD)])], ONCE, "exit code 3", 1),
@@ -244,18 +248,6 @@ def test_what_is_returned() -> None:
     }
     done = Run(refs=[ref("ConfigMap")])
     assert (done.took, done.script.followed) == (0, [])
-
-
-def test_fails_at_once_with_the_pods_reason() -> None:
-    bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
-    done = Run((0.1, lists(old_pod, status={"availableReplicas": 0})), (1.0, [changed(PODS, bad)]))
-    assert done.took == pytest.approx(1.0)
-    assert done.message == (
-        "ImagePullBackOff: image lab/apps:1.0: not found "
-        f"(Deployment {NS}/talker, pod talker-new-1, container ros-app)\n"
-        f"  1 of 1 cannot be rolled out: Deployment {NS}/talker"
-    )
-    assert done.result["objects"][0]["verdict"] == "fail"
 
 
 def test_time_out_names_everything_that_is_open_and_says_so_every_ten_seconds() -> None:
