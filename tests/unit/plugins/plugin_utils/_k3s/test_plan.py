@@ -112,6 +112,7 @@ def test_a_file_that_k3s_does_not_read_is_written_and_nothing_is_started_again()
         ({}, {**AGENT, "anew": True}, {"tokens": ["agent-token"], "guarded": True, "any": True, "undone": False}),
         ({"stale": True}, {**AGENT, "anew": True}, {"undone": True}),
         ({**STARTING, "ready": False}, {**AGENT, "anew": True}, {"unsure": False, "guarded": False, "restart": True}),
+        ({**STARTING, "ready": False, "lapsed": True}, AGENT, {"unsure": False, "guarded": False, "restart": True}),
         ({"images": {}}, {}, {"archive": True, "start": False, "any": True}),
         ({"images": {"k3s-airgap-images-amd64-0123456789ab.tar": 5}}, {}, {"archive": True}),
         ({"images": {}}, {"source": NO_ARCHIVE}, {"archive": False, "any": False}),
@@ -190,8 +191,10 @@ def test_all_are_found_at_once() -> None:
 @pytest.mark.parametrize(
     ("installed", "wanted", "more", "words"),
     [
+        ("", VERSION, {}, ""),
         (VERSION, "", {}, ""),
         (VERSION, VERSION, {}, ""),
+        (VERSION, "v1.34.3+k3s1", {}, ""),
         ("a build of our own", VERSION, {}, ""),
         (VERSION, "v1.34.1+k3s1", {}, "k3s v1.34.1+k3s1 is older than v1.34.2+k3s1, which runs there"),
         ("v1.31.1+k3s1", VERSION, {}, "a minor version is skipped"),

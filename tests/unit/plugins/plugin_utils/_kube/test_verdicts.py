@@ -98,6 +98,7 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "rolled out": (rolled(new_pod), "pass", DONE),
         "one replica is the default": (View([{**deployment(), "spec": {}}, *SETS, new_pod]), "pass", DONE),
         "generation unseen": (rolled(new_pod, status={"observedGeneration": 1}), "wait", "generation 2"),
+        "no status yet": (View([obj("Deployment", "talker", generation=1)]), "wait", "generation 1"),
         "being deleted": (View([gone_soon(deployment())]), "wait", "being deleted"),
         "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", "0 pods seen"),
         "replica set unseen, no pod wanted": (View([deployment(0)]), "wait", "its replica set has not been seen"),
@@ -320,6 +321,7 @@ unreadable.hidden.add("StorageClass")
     {
         "bound": (View([claim("Bound"), LAZY]), "pass", "bound to pv1"),
         "lost": (View([claim("Lost"), LAZY]), "fail", "Lost"),
+        "being deleted": (View([gone_soon(claim("Bound"))]), "wait", "being deleted"),
         "no consumer given": (View([claim(), LAZY, user()]), "pass", FREE),
         "a consumer": (View([claim(), LAZY, user()]), "wait", "the pod of Deployment talker", "", BOTH),
         "a consumer elsewhere": (View([claim(), LAZY, elsewhere(user())]), "pass", FREE, "", (PVC, ELSEWHERE)),
