@@ -124,15 +124,9 @@ def shown(*entries: dict[str, Any], **spec: Any) -> dict[str, Any]:
 
 VARIABLE = {EXTRA: {".": {}, "f:name": {}, "f:value": {}}}
 BY_SET = update("kubectl-set", pod({"f:containers": {APP: {"f:image": {}, "f:env": VARIABLE}}}))
-BY_EDIT = update(
-    "kubectl-edit", {"f:paused": {}, **pod({"f:containers": {SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}})}
-)
-FOREIGN = {
-    "f:spec": {
-        "f:paused": {},
-        **pod({"f:containers": {APP: {"f:env": VARIABLE}, SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}}),
-    }
-}
+SHELL = {SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}
+BY_EDIT = update("kubectl-edit", {"f:paused": {}, **pod({"f:containers": SHELL})})
+FOREIGN = {"f:spec": {"f:paused": {}, **pod({"f:containers": {APP: {"f:env": VARIABLE}, **SHELL}})}}
 
 
 def test_what_we_name_the_server_fills_in_or_controllers_write_is_none_of_it() -> None:
