@@ -56,16 +56,14 @@ new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
 creating = waiting("ContainerCreating")
 running = container(running={})
 OPEN = {"updatedReplicas": 1, "availableReplicas": 0, "unavailableReplicas": 1}
-GATED = {"readinessGates": [{"conditionType": "ros/graph"}]}
-gated = pod("talker-new-1", NEW, [container(ready=True, running={})], spec=GATED)
 
 
-def by_us(says: str | None) -> Object:
-    """A pod whose gate is the keeper's."""
-    gates = {"readinessGates": [{"conditionType": READINESS}]}
+def gated(says: str | None, kind: str = READINESS) -> Object:
+    """A pod that waits for its gate, which is the keeper's or another one."""
+    gates = {"readinessGates": [{"conditionType": kind}]}
     made = pod("talker-new-1", NEW, [container(ready=True, running={})], spec=gates)
-    said = [] if says is None else [{"type": READINESS, "status": "False", "message": says}]
-    return {**made, "status": {**made["status"], "conditions": [*made["status"].get("conditions", ()), *said]}}
+    made["status"]["conditions"] += [] if says is None else [{"type": kind, "status": "False", "message": says}]
+    return made
 
 
 refused = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota: robot"}
@@ -112,13 +110,11 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
             rolled(old_pod, paused=True, status={"updatedReplicas": 0}), "wait", "resume it", "Paused",
         ),
         "paused but done": (rolled(new_pod, paused=True), "pass", f"{DONE}, paused"),
-        "readiness gate": (rolled(gated, status=OPEN), "wait", "readiness gate ros/graph is not True"),
-        "our gate, and nobody looked": (rolled(by_us(None), status=OPEN), "wait", "nobody has looked at it yet"),
-        "our gate says why not": (
-            rolled(by_us("not ready: topic /t"), status=OPEN), "wait", "pod talker-new-1: not ready: topic /t",
-        ),
+        "readiness gate": (rolled(gated(None, "a/b"), status=OPEN), "wait", "readiness gate a/b is not True"),
+        "our gate, and nobody looked": (rolled(gated(None), status=OPEN), "wait", "nobody has looked at it yet"),
+        "our gate says why not": (rolled(gated("not ready: /t"), status=OPEN), "wait", "talker-new-1: not ready: /t"),
         "our gate will never open": (
-            after(by_us("cannot become ready: topic /t"), old_pod), "fail", "pod talker-new-1: cannot become ready: to",
+            after(gated("cannot become ready: topic /t"), old_pod), "fail", "pod talker-new-1: cannot become ready: to",
         ),
         "not ready": (
             rolled(starting, status=OPEN), "wait", "0 of 1 pods available: pod talker-new-1, container ros-app: not r",
