@@ -235,8 +235,8 @@ def daemon(*objects: Object, desired: int = 2, **more: Any) -> View:
     return View([daemon_set(desired, **more), *REVISIONS, *objects])
 
 
-OF_OTHER = {"name": "talker-new", "namespace": NS, "ownerReferences": owner("DaemonSet", "talker", "uid-other")}
-LABELLED = {"controller-revision-hash": "new"}
+of_namesake = pod("talker-2", owner("DaemonSet", "talker", "uid-of-one-that-is-deleted"))
+of_namesake["metadata"]["labels"] = {"controller-revision-hash": "new"}
 BY_HAND = {"updateStrategy": {"type": "OnDelete"}}
 
 
@@ -264,17 +264,7 @@ BY_HAND = {"updateStrategy": {"type": "OnDelete"}}
             "wait",
             "talker-b is terminating",
         ),
-        "pods of a deleted namesake": (
-            View(
-                [
-                    {**daemon_set(), "metadata": {**daemon_set()["metadata"], "uid": "uid-other"}},
-                    {**controller_revision("new", 2), "metadata": {**OF_OTHER, "labels": LABELLED}},
-                    *two("new", "new"),
-                ]
-            ),
-            "wait",
-            "still runs",
-        ),
+        "a pod of a deleted namesake": (daemon(*two("new", "new"), of_namesake), "wait", "old pod talker-2 still runs"),
         "no node wants it": (daemon(desired=0), "pass", "no node wants it"),
         "kept on a node that is no longer chosen": (daemon(*two("new", "new"), desired=1), "pass"),
         "back to an earlier template": (
@@ -479,8 +469,6 @@ def test_present_pods_of_a_deployment_are_those_of_its_newest_replica_set() -> N
 
 
 def test_present_pods_of_a_daemon_set_are_those_of_its_revision() -> None:
-    foreign = set_pod("talker-2", "new")
-    foreign["metadata"]["ownerReferences"][0]["uid"] = "uid-of-a-namesake"
-    assert names(DAEMON, daemon(*two("old", "new"), foreign)) == ["talker-1"]
+    assert names(DAEMON, daemon(*two("old", "new"), of_namesake)) == ["talker-1"]
     assert names(DAEMON, View([daemon_set(), *two("old", "new")])) == []
     assert names(ref("ConfigMap"), View([pod("talker", [])])) == names(NODE, node()) == []
