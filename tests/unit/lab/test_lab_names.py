@@ -64,19 +64,15 @@ def test_routes_that_are_no_ipv4_networks_are_left_out() -> None:
     ]
 
 
+def addresses(names: list[str], **kept: str) -> dict[str, str]:
+    return {name: str(address) for name, address in assign_addresses(SUBNET, names, kept).items()}
+
+
 def test_addresses_are_given_in_order_and_kept() -> None:
-    first = assign_addresses(SUBNET, ["edge1", "robot1"])
-    assert {name: str(address) for name, address in first.items()} == {"edge1": "10.70.1.11", "robot1": "10.70.1.12"}
-    again = assign_addresses(
-        SUBNET, ["robot0", "robot1", "edge1"], {name: str(address) for name, address in first.items()}
-    )
-    assert again["robot1"] == first["robot1"]
-    assert again["edge1"] == first["edge1"]
-    assert str(again["robot0"]) == "10.70.1.13"
-
-
-def test_an_address_of_a_former_subnet_is_not_kept() -> None:
-    assert str(assign_addresses(SUBNET, ["edge1"], {"edge1": "10.99.0.7"})["edge1"]) == "10.70.1.11"
+    first = {"edge1": "10.70.1.11", "robot1": "10.70.1.12"}
+    assert addresses(["edge1", "robot1"]) == first
+    assert addresses(["robot0", "robot1", "edge1"], **first) == {**first, "robot0": "10.70.1.13"}
+    assert addresses(["edge1"], edge1="10.99.0.7") == {"edge1": "10.70.1.11"}  # of a former subnet
 
 
 def test_hosts_are_parsed() -> None:
