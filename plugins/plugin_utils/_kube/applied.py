@@ -178,10 +178,8 @@ def _beside(fields: Fields, wanted: Any, there: Any) -> Fields:
         if key == ".":
             continue
         ours, now = _at(wanted, key), _at(there, key)
-        if ours is None:
+        if ours is None or (not inner and isinstance(ours, dict) and ours != now):
             found[key] = inner
-        elif not inner:
-            found |= {key: inner} if isinstance(ours, dict) and ours != now else {}
         elif rest := _beside(inner, ours, now):
             found[key] = rest
     return found

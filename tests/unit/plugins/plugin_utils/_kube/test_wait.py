@@ -68,8 +68,6 @@ class Script:
 
 
 class FakeKube:
-    host = "https://edge1:6443"
-
     def __init__(self, lists: dict[str, list[Object]] | None = None, log: str = "", refuse: int = 0) -> None:
         self.lists, self.log, self.refuse = lists or {}, log, refuse
         self.previous = False
