@@ -27,6 +27,11 @@ def fill(directory: Path, _log: Path) -> None:
     (directory / "result").write_text("done")
 
 
+def fail(directory: Path, _log: Path) -> None:
+    (directory / "half").write_text("")
+    raise KeyboardInterrupt
+
+
 def test_the_key_follows_values_contents_names_and_modes(sources: Path) -> None:
     seen = {recipe(sources).key(), recipe(sources, version="2").key()}
     (sources / "one.txt").write_text("changed")
@@ -53,25 +58,13 @@ def test_the_key_does_not_follow_time_place_or_byte_code(sources: Path, tmp_path
 
 def test_it_is_built_once(sources: Path, tmp_path: Path) -> None:
     cache = Cache(tmp_path / "cache")
-    calls: list[Path] = []
-
-    def make(directory: Path, log: Path) -> None:
-        calls.append(directory)
-        fill(directory, log)
-
-    first = cache.ensure(recipe(sources), make)
-    assert cache.ensure(recipe(sources), make) == first
-    assert len(calls) == 1
+    first = cache.ensure(recipe(sources), fill)
+    assert cache.ensure(recipe(sources), fail) == first
     assert (first / "result").read_text() == "done"
 
 
 def test_a_failed_build_leaves_nothing(sources: Path, tmp_path: Path) -> None:
     cache = Cache(tmp_path / "cache")
-
-    def fail(directory: Path, _log: Path) -> None:
-        (directory / "half").write_text("")
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
         cache.ensure(recipe(sources), fail)
     assert list(cache.artifacts.iterdir()) == []
