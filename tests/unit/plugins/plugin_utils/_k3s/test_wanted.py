@@ -11,6 +11,7 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import (
+    PLAIN,
     Artifacts,
     Datastore,
     Wanted,
@@ -31,8 +32,8 @@ def variables(host: str, **given: Any) -> dict[str, Any]:
     return {**defaults, **fleet, "k3s_kubeconfig_path": "/kube/edge.yaml", **given}
 
 
-def part(host: str, **given: Any) -> Wanted:
-    return wanted(variables(host, **given), host, HOSTVARS)
+def part(host: str, joins: str = "", datastore: Datastore = PLAIN, **given: Any) -> Wanted:
+    return wanted(variables(host, **given), host, HOSTVARS, joins, datastore)
 
 
 def config(host: str, **given: Any) -> dict[str, Any]:
@@ -65,8 +66,7 @@ def test_the_configuration_of_each_part() -> None:
 def test_etcd_is_for_several_servers_and_stays_where_it_is(
     servers: list[str], etcd: bool, given: dict[str, Any], init: bool
 ) -> None:
-    known = variables("edge1", k3s_server_hosts=servers, k3s_config=given)
-    found = yaml.safe_load(wanted(known, "edge1", HOSTVARS, datastore=Datastore(etcd)).files[0].content)
+    found = config("edge1", datastore=Datastore(etcd), k3s_server_hosts=servers, k3s_config=given)
     assert found.get("cluster-init", False) is init
     assert "server" not in found
 
@@ -83,7 +83,7 @@ def test_etcd_is_for_several_servers_and_stays_where_it_is(
 def test_secrets_are_encrypted_where_the_datastore_is_so(
     host: str, encrypts: bool, given: dict[str, Any], said: bool | None
 ) -> None:
-    file = wanted(variables(host, k3s_config=given), host, HOSTVARS, datastore=Datastore(encrypts=encrypts)).files[0]
+    file = part(host, datastore=Datastore(encrypts=encrypts), k3s_config=given).files[0]
     assert yaml.safe_load(file.content).get("secrets-encryption") is said
     assert not file.secret  # whether they are is none
 
@@ -249,8 +249,7 @@ def test_a_member_joins_a_server_that_lives_and_stays_with_it(now: dict[str, Any
     known = variables("robot1")
     assert join_url(known, HOSTVARS, now) == url
     assert join_url({**known, "k3s_api_endpoint": "api.lan"}, HOSTVARS, now) == "https://api.lan:6443"
-    config_file = wanted(known, "robot1", HOSTVARS, url).files[0]
-    assert yaml.safe_load(config_file.content)["server"] == url
+    assert config("robot1", joins=url)["server"] == url
 
 
 # --- where it comes from ----------------------------------------------------------------------------------------------
