@@ -70,12 +70,12 @@ from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
 from ansible.release import __version__
 
-from ..plugin_utils._model.keys import plain
+from ..module_utils._common.documents import Data
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 from ..plugin_utils._report.files import placed, write
 from ..plugin_utils._report.host_run import note_run
 from ..plugin_utils._report.results import HIDDEN
-from ..plugin_utils._report.run import Report, RunReport, Task, screen
+from ..plugin_utils._report.run import RunReport, Task, screen
 from ..plugin_utils._report.silence import LOOK, Silence
 from ..plugin_utils._update.ledger import Standing
 from ..plugin_utils._update.world import ticking
@@ -108,11 +108,11 @@ def secret_free(result: Any) -> dict[str, Any]:
     return data
 
 
-def paths_of(path: Path, report: Report) -> list[Path]:
+def paths_of(path: Path, report: Data) -> list[Path]:
     """The run's file, and the last one of its playbook: a look at the fleet must not hide what its last update did."""
-    if report.check_mode:
+    if report["check_mode"]:
         return [path]
-    return [path, path.with_name(f"{path.stem}-{Path(report.playbook).stem}{path.suffix}")]
+    return [path, path.with_name(f"{path.stem}-{Path(report['playbook']).stem}{path.suffix}")]
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
@@ -196,17 +196,17 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self._print(report)
         self._write(report)
 
-    def _print(self, report: Report) -> None:
-        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if report.check_mode else ""))
-        colours = [None, *(COLOURS[host["outcome"]] for host in report.hosts)]
+    def _print(self, report: Data) -> None:
+        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if report["check_mode"] else ""))
+        colours = [None, *(COLOURS[host["outcome"]] for host in report["hosts"])]
         for line, colour in itertools.zip_longest(screen(report), colours):
             self._display.display(line, color=colour)
 
-    def _write(self, report: Report) -> None:
+    def _write(self, report: Data) -> None:
         path = placed(str(self.get_option("path") or ""))
         if path is None:
             return
-        text = json.dumps(plain(report), indent=2, default=str) + "\n"
+        text = json.dumps(report, indent=2, default=str) + "\n"
         for place in paths_of(path, report):
             write(place, text)
         # AWX deletes the copy of the project in which a job runs

@@ -10,8 +10,10 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -48,12 +50,10 @@ def status_page(status: Status, made: str, previous: str = "", limit: str = "", 
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)
     sections = [
-        _section(key, TITLES[key], shown, found, [level(row, off) for row in found])
-        for _title, key, shown in SECTIONS
-        for found in [status.rows(key)]
+        _section(key, title, shown, status.rows(key), lambda row: level(row, off))
+        for title, key, shown in SECTIONS
         if key != "problems"
     ]
-    hosts = status.hosts
     page = environment.get_template("page.html.j2").render(
         made=made,
         limit=limit,
@@ -61,7 +61,7 @@ def status_page(status: Status, made: str, previous: str = "", limit: str = "", 
         counts=counts(status),
         titles=TITLES,
         attention=attention(status),
-        hosts=_section("glance", "By host", host_columns(status), hosts, [host_level(status, one) for one in hosts]),
+        hosts=_section("glance", "By host", host_columns(status), status.hosts, partial(host_level, status)),
         sections=sections,
         numbers=NUMBERS,
         unfolded=UNFOLDED,
@@ -89,13 +89,13 @@ def host_columns(status: Status) -> Columns:
     )  # fmt: skip
 
 
-def _section(key: str, title: str, given: Columns, rows: Sequence[Row], levels: Sequence[str]) -> Data:
-    """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
+def _section(key: str, title: str, given: Columns, rows: Sequence[Row], level_of: Callable[[Any], str]) -> Data:
+    """A table with its heading. `naming` is the column that names a row."""
     headers, lines = grid(given, rows)
     # the first column names a row, but for the robot, where many rows share that
     naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0
-    about = {"key": key, "title": title, "headers": headers, "naming": naming}
-    return {**about, "lines": [[words(cell) for cell in line] for line in lines], "levels": levels}
+    about = {"key": key, "title": title, "headers": headers, "naming": naming, "levels": [*map(level_of, rows)]}
+    return {**about, "lines": [[words(cell) for cell in line] for line in lines]}
 
 
 def _text(value: object) -> object:

@@ -31,26 +31,9 @@ Counts = Mapping[str, int]  # Ansible's own of a host: ok, changed, failures, un
 Api = Mapping[str, str]  # of a cluster: its `host`, and the `source` of the access
 
 
-@dataclass(frozen=True)
-class Report:
-    """As it is written. Times are in seconds, but for `started`, which is UTC; `outcomes` and `tasks` are how many."""
-
-    playbook: str
-    check_mode: bool
-    started: str
-    elapsed: float
-    outcomes: Mapping[str, int]
-    hosts: tuple[Data, ...]
-    plays: tuple[Data, ...]
-    stages: tuple[Data, ...]
-    slowest_tasks: tuple[Data, ...]
-    tasks: int
-    apis: Mapping[str, Api]
-
-
-def screen(report: Report) -> list[str]:
+def screen(report: Data) -> list[str]:
     """The report in lines: a host each, with the whole of its cause, then where the time went."""
-    would = WOULD if report.check_mode else {}
+    would = WOULD if report["check_mode"] else {}
     rows = [
         (
             host["host"],
@@ -59,12 +42,12 @@ def screen(report: Report) -> list[str]:
             host["counts"].get("changed", 0),
             note_of(host["reason"], host["failed_task"] or ""),
         )
-        for host in report.hosts
+        for host in report["hosts"]
     ]
     lines = table(HEADERS, rows) if rows else ["no host took part"]
-    slow = sorted(report.stages, key=itemgetter("seconds"), reverse=True)[:STAGES_SHOWN]
+    slow = sorted(report["stages"], key=itemgetter("seconds"), reverse=True)[:STAGES_SHOWN]
     spent = ", ".join(f"{one['name']} {one['seconds']:.1f} s" for one in slow if one["seconds"] >= 0.1)
-    return [*lines, f"{report.elapsed:.1f} s" + (f": {spent}" if spent else "")]
+    return [*lines, f"{report['elapsed']:.1f} s" + (f": {spent}" if spent else "")]
 
 
 def _graph_words(ready: Data | None) -> str:
@@ -221,29 +204,30 @@ class RunReport:
 
     def finish(
         self, stats: Mapping[str, Counts], now: float, playbook: str = "", check_mode: bool = False, started: str = ""
-    ) -> Report:
-        """The report. `stats` is Ansible's own summary per host: it knows what was rescued."""
+    ) -> Data:
+        """The report as it is written: times in seconds, `started` in UTC. `stats` is Ansible's own summary per host,
+        which knows what was rescued."""
         names = [name for name in self._hosts if name != "localhost" or name in stats]
         if len(names) > 1:  # what ran on the control node only helped the others
             names = [name for name in names if name != "localhost"]
         ended = {name for name, one in stats.items() if one.get("failures") or one.get("unreachable")}
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
-        hosts = tuple(self._host_report(name, stats.get(name) or {}, ended) for name in names)
+        hosts = [self._host_report(name, stats.get(name) or {}, ended) for name in names]
         words = [host["outcome"] for host in hosts]
         ends = [*(play.begun for play in self._plays[1:]), now]
-        return Report(
-            playbook,
-            check_mode,
-            started,
-            round(now - self._begun, 3),
-            {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
-            hosts,
-            tuple({"name": one.name, "seconds": round(end - one.begun, 3)} for one, end in zip(self._plays, ends)),
-            self._stages(),
-            tuple(task.row() for task in slowest),
-            len(self._tasks),
-            self._apis,
-        )
+        return {
+            "playbook": playbook,
+            "check_mode": check_mode,
+            "started": started,
+            "elapsed": round(now - self._begun, 3),
+            "outcomes": {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
+            "hosts": hosts,
+            "plays": [{"name": one.name, "seconds": round(end - one.begun, 3)} for one, end in zip(self._plays, ends)],
+            "stages": self._stages(),
+            "slowest_tasks": [task.row() for task in slowest],
+            "tasks": len(self._tasks),
+            "apis": self._apis,
+        }
 
     def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> Data:
         """`changed` are names of tasks, `counts` Ansible's own."""
@@ -264,8 +248,8 @@ class RunReport:
             lost[name] = HostRun(name, playbook, started, left, changed, host.failed_task).as_dict()
         return Noted(playbook, started, here, lost)
 
-    def _stages(self) -> tuple[Data, ...]:
+    def _stages(self) -> list[Data]:
         stages: dict[str, float] = {}
         for task in self._tasks.values():
             stages[task.stage] = stages.get(task.stage, 0.0) + task.seconds
-        return tuple({"name": name, "seconds": round(seconds, 3)} for name, seconds in stages.items())
+        return [{"name": name, "seconds": round(seconds, 3)} for name, seconds in stages.items()]

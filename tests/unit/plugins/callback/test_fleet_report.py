@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -151,4 +150,4 @@ def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:
     path = tmp_path / "fleet-report.json"
     update = RunReport().finish({}, 1.0, "playbooks/update.yml")
     assert fleet_report.paths_of(path, update) == [path, tmp_path / "fleet-report-update.json"]
-    assert fleet_report.paths_of(path, replace(update, check_mode=True)) == [path]
+    assert fleet_report.paths_of(path, {**update, "check_mode": True}) == [path]
