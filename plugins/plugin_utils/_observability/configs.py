@@ -21,20 +21,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ...module_utils._exporter.families import MOST
-from .spec import (
-    HUB_LOGS,
-    HUB_METRICS,
-    PORTS,
-    ROBOT,
-    SERVERS,
-    TLS,
-    Spec,
-    hub_url,
-    retention_size,
-    runs,
-    store_size,
-    urls,
-)
+from .spec import PORTS, RETENTION_PART, SERVERS, STORE_PART, TLS, Spec, mebibytes, runs, urls
 
 STREAM_LABELS = ("robot", "namespace", "app", "pod", "placement")
 # Folder in Grafana -> directory: the collection's own dashboards, and those of the inventory.
@@ -73,13 +60,10 @@ ENVIRONMENT.filters["numbered"] = lambda regex: re.sub(r"\(\?P<\w+>", "(", regex
 def config(template: str, spec: Spec, **more: Any) -> Config:
     """What a template makes of a spec: `scrape` is the file of Prometheus or vmagent, `otelcol` the log shipper's,
     `grafana` are provisioning files by name, `pods` pods by part."""
-    robot = spec["profile"] == ROBOT
     remote = json.dumps(sorted(set(spec["remote_nodes"])))
     values = {
         **spec,
         "wanted": runs(spec),
-        "hub_metrics": hub_url(spec, HUB_METRICS) if robot else "",
-        "loki_url": hub_url(spec, HUB_LOGS) if robot else urls(spec)["loki"],
         "ports": PORTS,
         "urls": urls(spec),
         "servers": SERVERS,
@@ -87,8 +71,8 @@ def config(template: str, spec: Spec, **more: Any) -> Config:
         "server_tls": SERVER_TLS,
         "folders": FOLDERS,
         "state": "/var/lib/rosops-fleet/log-shipper",  # on the host
-        "retention_size": retention_size(spec["prometheus_size"]),
-        "store_claim_part": store_size(spec["store_size"]),
+        "retention_mebibytes": mebibytes(spec["prometheus_size"], RETENTION_PART),
+        "store_mebibytes": mebibytes(spec["store_size"], STORE_PART),
         "exporter_bound": MOST,
         "stream_labels": STREAM_LABELS,
         "path": PATH,

@@ -79,11 +79,17 @@ def tls_secrets(spec: Spec) -> dict[str, str]:
 
 
 def urls(spec: Spec) -> dict[str, str]:
-    """Of every part, inside the cluster."""
+    """Of every part, inside the cluster; of what takes a robot's samples and lines, at the hub: `http://192.0.2.10:30090`."""
     secured = SERVERS if spec["tls_secret_name"] else ()
-    return {
+    found = {
         name: f"{'https' if name in secured else 'http'}://{name}.{NAMESPACE}:{port}" for name, port in PORTS.items()
     }
+    if spec["profile"] == ROBOT:
+        hub = str(spec["hub_url"]).rstrip("/")
+        if not hub:
+            raise SpecError("the profile robot needs observability_hub_url, the hub's address")
+        found |= {"prometheus": f"{hub}:{spec[HUB_METRICS]}", "loki": f"{hub}:{spec[HUB_LOGS]}"}
+    return found
 
 
 def images(spec: Spec) -> list[str]:
@@ -92,31 +98,13 @@ def images(spec: Spec) -> list[str]:
     return sorted({spec["images"][keys[name]] for name, wanted in runs(spec).items() if wanted})
 
 
-def retention_size(claim: str) -> str:
-    """Prometheus's --storage.tsdb.retention.size for a claim, below the claim's capacity.
+def mebibytes(claim: str, part: float) -> int:
+    """What may be kept in a claim of that size, which is a Kubernetes quantity.
 
-    >>> retention_size("8Gi"), retention_size("500Mi")
-    ('6553MB', '400MB')
+    >>> mebibytes("8Gi", RETENTION_PART), mebibytes("500Mi", RETENTION_PART)
+    (6553, 400)
     """
-    return f"{int(_mebibytes(claim) * RETENTION_PART)}MB"  # Prometheus's MB is 2^20 bytes
-
-
-def store_size(claim: str) -> str:
-    """vmagent's -remoteWrite.maxDiskUsagePerURL for a claim."""
-    return f"{int(_mebibytes(claim) * STORE_PART)}MiB"
-
-
-def _mebibytes(size: str) -> float:
-    """Of a Kubernetes quantity."""
-    value = quantity_value(str(size))
+    value = quantity_value(str(claim))
     if value is None:
-        raise SpecError(f"{size!r} is no Kubernetes quantity")
-    return float(value) / 2**20
-
-
-def hub_url(spec: Spec, port: str) -> str:
-    """The hub's address for metrics or for logs: `http://192.0.2.10` and one of its two ports."""
-    url = str(spec["hub_url"]).rstrip("/")
-    if not url:
-        raise SpecError("the profile robot needs observability_hub_url, the hub's address")
-    return f"{url}:{spec[port]}"
+        raise SpecError(f"{claim!r} is no Kubernetes quantity")
+    return int(float(value) / 2**20 * part)

@@ -50,8 +50,8 @@ def status_page(status: Status, made: str, previous: str = "", limit: str = "", 
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)
     sections = [
-        _section(key, title, shown, status.rows(key), lambda row: level(row, off))
-        for title, key, shown in SECTIONS
+        _section(key, TITLES[key], shown, status.rows(key), lambda row: level(row, off))
+        for _title, key, shown in SECTIONS
         if key != "problems"
     ]
     page = environment.get_template("page.html.j2").render(

@@ -54,51 +54,52 @@ def columns(*items: str | tuple[str, str | Callable[[Any], object]]) -> Columns:
     return [(header, attrgetter(of) if isinstance(of, str) else of) for header, of in pairs]
 
 
-# Heading, section, columns.
+# Title, section, columns.
 SECTIONS: Sequence[tuple[str, str, Columns]] = (
-    ("Problems", "problems", columns("where", "what")),
-    ("Hosts", "hosts", columns(
+    ("PROBLEMS", "problems", columns("where", "what")),
+    ("HOSTS", "hosts", columns(
         ("host", "name"), "group", "address", "role", "cluster",
         ("state", lambda row: "up" if row.reachable else f"offline {row.reason}"),
     )),
-    ("Nodes", "nodes", columns(
+    ("NODES", "nodes", columns(
         ("node", "name"),
         ("state", lambda row: ("Ready" if row.ready else "NotReady") + (f", {row.reason}" if row.reason else "")),
         "version", "address", "roles", ("deploymentType", "placement"), "robot", ("other labels", "labels"),
     )),
-    ("ROS masters", "masters", columns("robot", *WORKLOAD)),
-    ("Helpers", "helpers", columns("robot", ("helper", "name"), *WORKLOAD)),
-    ("Apps", "apps", columns("robot", ("app", "name"), "placement", *WORKLOAD)),
-    ("Taken back by the keeper", "went_back", columns(
+    ("ROS MASTERS", "masters", columns("robot", *WORKLOAD)),
+    ("HELPERS", "helpers", columns("robot", ("helper", "name"), *WORKLOAD)),
+    ("APPS", "apps", columns("robot", ("app", "name"), "placement", *WORKLOAD)),
+    ("TAKEN BACK BY THE KEEPER", "went_back", columns(
         "robot", ("app", "name"), ("from", "before"), ("to", "after"), "at", "reason",
     )),
-    ("Ended in launch files", "ended", columns("robot", "app", "node", "host")),
-    ("ROS nodes", "ros_nodes", columns(
+    ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
+    ("ROS NODES", "ros_nodes", columns(
         "robot", ("node", "name"), ("on", "at"),
         ("state", lambda row: "up" if row.reachable else f"down: {row.error or 'no answer'}"),
         ("publishes", "publications"), ("subscribes", "subscriptions"), ("services", lambda row: len(row.services)),
     )),
-    ("ROS graphs", "links", columns(
+    ("ROS GRAPHS", "links", columns(
         "robot", ("topic", "name"), "action", ("from", "publishers"), ("to", "subscribers"),
         ("not connected", lambda row: [" and ".join(pair) for pair in row.broken]),
     )),
-    ("Topics", "topics", columns(
+    ("TOPICS", "topics", columns(
         "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections",
         ("rate", lambda row: "" if row.rate is None else rate_words(row.rate)), ("promised", _promised), "note",
     )),
-    ("Claims", "claims", columns(
+    ("CLAIMS", "claims", columns(
         "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size",
         ("used", lambda row: size_words(row.used_bytes)), "note",
     )),
-    ("Last outcomes", "outcomes", columns(
+    ("LAST OUTCOMES", "outcomes", columns(
         "host", "outcome", ("run", "playbook"), ("started", lambda row: when(row.started)), "changed", "note",
     )),
-    ("Last update steps", "steps", columns(
+    ("LAST UPDATE STEPS", "steps", columns(
         "robot", ("step", "name"), "handoff", "outcome", ("from", "before"), ("to", "after"), "seconds",
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
-TITLES = {key: title for title, key, _columns in SECTIONS}
+# As headings: words that are names stay as they are.
+TITLES = {key: title.capitalize().replace("Ros ", "ROS ") for title, key, _columns in SECTIONS}
 # columns that go when nobody has anything in them
 OPTIONAL = frozenset({"note", "other labels", "promised", "not connected"})
 # Sections that are worth a line only when there is something in them.
@@ -154,9 +155,9 @@ def status_text(status: Status) -> str:
     for title, key, columns in SECTIONS:
         if rows := status.rows(key):
             wide = UNCUT if key in WHOLE else WIDTH - 2
-            lines += [title.upper(), *(f"  {line}" for line in table(*grid(columns, rows), wide)), ""]
+            lines += [title, *(f"  {line}" for line in table(*grid(columns, rows), wide)), ""]
         elif key not in ONLY_WITH_ROWS:
-            lines += [title.upper(), "  none", ""]
+            lines += [title, "  none", ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
