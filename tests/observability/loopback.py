@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import shutil
 import socket
+import ssl
 import subprocess
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import pytest
 
@@ -45,13 +45,16 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def get(url: str, timeout: float = 5) -> str:
-    with urllib.request.urlopen(url, timeout=timeout) as answer:  # noqa: S310 - loopback
+def get(url: str, context: ssl.SSLContext | None = None) -> str:
+    with urllib.request.urlopen(url, timeout=5, context=context) as answer:  # noqa: S310 - loopback, or the lab's hub
         return str(answer.read().decode())
 
 
-def get_json(url: str) -> Any:
-    return json.loads(get(url))
+def moved(text: str, words: Mapping[str, str]) -> str:
+    """A configuration or an argument with directories and ports of the test's own."""
+    for word, other in words.items():
+        text = text.replace(word, other)
+    return text
 
 
 def eventually(what: str, probe: Callable[[], T], seconds: float = START_SECONDS) -> T:
@@ -82,10 +85,12 @@ class Program:
     def tail(self) -> str:
         return "\n".join(self.log.read_text(errors="replace").splitlines()[-20:])
 
-    def ready(self, path: str) -> Program:
+    def ready(self, path: str, context: ssl.SSLContext | None = None) -> Program:
+        """Once it answers there."""
+
         def probe() -> bool:
             assert self.process.poll() is None, f"{self.process.args!r} ended:\n{self.tail}"
-            get(f"{self.url}{path}")
+            get(f"{self.url}{path}", context)
             return True
 
         eventually(f"{self.url}{path}\n{self.tail}", probe)
@@ -93,13 +98,13 @@ class Program:
 
 
 @contextlib.contextmanager
-def running(directory: Path, port: int, *command: str) -> Iterator[Program]:
+def running(directory: Path, port: int, *command: str, scheme: str = "http") -> Iterator[Program]:
     directory.mkdir(parents=True, exist_ok=True)
     log = directory / "log"
     with log.open("ab") as sink:
         process = subprocess.Popen(command, stdout=sink, stderr=sink, cwd=directory)  # noqa: S603 - as above
         try:
-            yield Program(process, log, f"http://127.0.0.1:{port}")
+            yield Program(process, log, f"{scheme}://127.0.0.1:{port}")
         finally:
             process.terminate()
             try:

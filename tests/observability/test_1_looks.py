@@ -9,21 +9,20 @@ from typing import Any
 import pytest
 from dashboards.queries import NEEDS, TEXT_NEEDS, Query, all_queries, needs
 from runs import wait_until
-from watched import ALONE, EDGE, INTERVAL, MEMBER, ROBOTS, Watched
+from watched import ALONE, EDGE, INTERVAL, MEMBER, ROBOTS, STREAM, Watched
 from watchers import RefusedError
 
-POD_LABELS = {"robot", "namespace", "app", "pod", "placement"}
 HOST_LABELS = {"node", "placement"}
 # Job -> the labels of its series beside job and instance.
-OF_PODS = dict.fromkeys(("ros-exporter", "apps"), POD_LABELS)
+OF_PODS = dict.fromkeys(("ros-exporter", "apps"), STREAM)
 HUB_JOBS = {
-    **dict.fromkeys(("prometheus", "loki"), POD_LABELS - {"robot"}),
+    **dict.fromkeys(("prometheus", "loki"), STREAM - {"robot"}),
     **dict.fromkeys(("node-exporter", "kubelet", "kubelet-probes", "cadvisor"), HOST_LABELS),
-    **{"log-shipper": POD_LABELS - {"robot"} | {"node"}, "apiserver": set(), **OF_PODS},
+    **{"log-shipper": STREAM - {"robot"} | {"node"}, "apiserver": set(), **OF_PODS},
 }
 ALONE_JOBS = {
     **dict.fromkeys(("node-exporter", "kubelet", "cadvisor"), HOST_LABELS | {"robot"}),
-    **{"vmagent": POD_LABELS, "log-shipper": POD_LABELS | {"node"}, **OF_PODS},
+    **{"vmagent": STREAM, "log-shipper": STREAM | {"node"}, **OF_PODS},
 }
 # What this fleet has, and what it has once it has been at work for a while (see NEEDS).
 THERE = {

@@ -8,9 +8,7 @@ import time
 import gaps
 import pytest
 from runs import wait_until
-from watched import ALONE, MEMBER, ROBOTS, Watched
-
-STREAM = {"robot", "namespace", "app", "pod", "placement"}
+from watched import ALONE, MEMBER, ROBOTS, STREAM, Watched
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -34,7 +34,7 @@ def at_rest(standing_fleet: Watched) -> Iterator[None]:
 
 def raised(fleet: Watched, alert: str, fires: float = FIRES, **labels: str) -> None:
     """It fires; with an address of its runbook."""
-    took = fleet.wait_firing(alert, fires, **labels)
+    took = fleet.wait_alert(alert, True, fires, **labels)
     [one, *_more] = fleet.prometheus.firing(alert, **labels)
     assert one["annotations"]["runbook_url"].endswith(f"/docs/runbooks/{alert}.md"), one
     assert one["annotations"]["summary"], one
@@ -42,7 +42,7 @@ def raised(fleet: Watched, alert: str, fires: float = FIRES, **labels: str) -> N
 
 
 def cleared(fleet: Watched, alert: str, **labels: str) -> None:
-    took = fleet.wait_clear(alert, CLEARS, **labels)
+    took = fleet.wait_alert(alert, False, CLEARS, **labels)
     fleet.say(f"{alert}: gone {took:.0f} s after its cause")
 
 

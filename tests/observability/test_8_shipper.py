@@ -8,16 +8,15 @@ import time
 import gaps
 import pytest
 from runs import wait_until
-from watched import NAMESPACE, ROBOTS, Watched
+from watched import NAMESPACE, ROBOTS, STREAM, Watched
 
-STREAM = {"robot", "namespace", "app", "pod", "placement"}
 BEGAN = 1500.0  # so far back lines are looked at: those before and those after the change
 
 
 def counted(fleet: Watched, robot: str) -> tuple[gaps.Numbers, float]:
     """The numbered lines, and how many seconds they are behind."""
     now = time.time()
-    found = gaps.numbers(fleet.loki.lines(f'{{robot="{robot}",app="counter"}}', now - BEGAN, now))
+    found = fleet.counted(robot, now - BEGAN)
     run = max(found)
     return found[run], now - (float(run) + found[run].last / 10)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
-from loopback import eventually
-from test_tls import Authority, ask, assert_closed, series
+from loopback import eventually, get
+from test_tls import Authority, assert_closed, series
 from watched import ALONE, EDGE, LOGS_PORT, METRICS_PORT, NAMESPACE, ROBOTS, Watched
 
 SECRET, SHIPPER = "telemetry-tls", "telemetry-tls-shipper"
@@ -44,7 +44,7 @@ def ours(fleet: Watched, tmp_path: Path) -> Iterator[Authority]:
 def lines(url: str, robot: str, since: float, context: ssl.SSLContext) -> int:
     """Numbered lines of a robot's that were written since then and have come."""
     query = {"query": f'{{robot="{robot}",app="counter"}}', "start": f"{since:.3f}", "limit": "10"}
-    found = json.loads(ask(f"{url}/loki/api/v1/query_range?{urlencode(query)}", context))
+    found = json.loads(get(f"{url}/loki/api/v1/query_range?{urlencode(query)}", context))
     return sum(len(one["values"]) for one in found["data"]["result"])
 
 

@@ -7,10 +7,12 @@ import json
 import os
 import subprocess
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -18,7 +20,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.stack import stack_objects
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
-from loopback import eventually, free_port, get_json, image_files, program, running
+from loopback import Program, eventually, free_port, get, image_files, moved, program, running
 from rosops_apps.metrics import Metrics
 from watchers import Loki
 
@@ -32,6 +34,7 @@ TLS = {"tls_secret_name": "telemetry-tls"}
 PROFILES["hub by TLS"] = {**PROFILES["hub"], **TLS}
 PROFILES["robot by TLS"] = {**PROFILES["robot"], **TLS, "hub_url": "https://127.0.0.1"}
 GATE = "--feature-gates=stanza.synchronousLogEmitter"
+NO_TLS: Mapping[str, str] = MappingProxyType({})
 PARTS = 3  # of a long line
 # Namespace, pod and container of log files, and the stream that their lines belong to.
 PODS = {
@@ -95,48 +98,46 @@ def cri(texts: list[str]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def moved(text: str, words: dict[str, str]) -> dict[str, Any]:
-    """A configuration with directories and ports of the test's own."""
-    for word, other in words.items():
-        text = text.replace(word, other)
-    return dict(yaml.safe_load(text))
+def started_loki(profile: str, directory: Path, stack: ExitStack, tls: Mapping[str, str] = NO_TLS) -> Program:
+    """What the role renders, with other directories; with certificates where `tls` says where they lie."""
+    port = free_port()
+    (directory / "rules").mkdir(parents=True)
+    words = {"/etc/loki-rules": str(directory / "rules"), "/loki": str(directory / "loki"), **tls}
+    config = yaml.safe_load(moved(rendered(profile)["loki/loki.yml"], words))
+    here = {"http_listen_address": "127.0.0.1", "grpc_listen_address": "127.0.0.1"}
+    config["server"].update(here, http_listen_port=port, grpc_listen_port=free_port())
+    (directory / "loki.yml").write_text(yaml.safe_dump(config))
+    command, scheme = (program("loki"), f"-config.file={directory}/loki.yml"), "https" if tls else "http"
+    return stack.enter_context(running(directory, port, *command, scheme=scheme))
 
 
-def test_lines_and_labels(tmp_path: Path, stack: ExitStack) -> None:
-    """What the role renders, with other directories: every line once, whole, under exactly these labels."""
-    http, own = free_port(), free_port()
-    texts = [f"number {index} " + "x" * 40 for index in range(30)]
-    pods = tmp_path / "pods"
+def started_shipper(
+    profile: str, directory: Path, stack: ExitStack, texts: list[str], words: Mapping[str, str]
+) -> Program:
+    """The same of the log shipper, on a host where each of PODS has written these texts."""
+    own = free_port()
     for namespace, pod, container in PODS:
-        log = pods / f"{namespace}_{pod}_0a1b2c3d-0000-4000-8000-000000000000" / container / "0.log"
+        log = directory / "pods" / f"{namespace}_{pod}_0a1b2c3d-0000-4000-8000-000000000000" / container / "0.log"
         log.parent.mkdir(parents=True)
         log.write_text(cri(texts))
-    words = {"/etc/loki-rules": str(tmp_path / "rules"), "/loki": str(tmp_path / "loki")}
-    loki_config = moved(rendered("standalone")["loki/loki.yml"], words)
-    here = {"http_listen_address": "127.0.0.1", "grpc_listen_address": "127.0.0.1"}
-    loki_config["server"].update(here, http_listen_port=http, grpc_listen_port=free_port())
-    (tmp_path / "rules").mkdir()
-    path = tmp_path / "loki.yml"
-    path.write_text(yaml.safe_dump(loki_config))
-    server = stack.enter_context(running(tmp_path / "run", http, program("loki"), f"-config.file={path}"))
-    server.ready("/ready")
-
-    words = {
-        "http://loki.observability:3100": f"http://127.0.0.1:{http}",
-        "/var/log/pods": str(pods),
-        "/var/lib/rosops-fleet/log-shipper": str(tmp_path / "state"),
-    }
-    config = moved(rendered("standalone")["log-shipper/otelcol.yml"], words)
-    path = tmp_path / "otelcol.yml"
+    here = {"/var/log/pods": str(directory / "pods"), "/var/lib/rosops-fleet/log-shipper": str(directory / "state")}
+    config = yaml.safe_load(moved(rendered(profile)["log-shipper/otelcol.yml"], {**here, **words}))
     [reader] = config["service"]["telemetry"]["metrics"]["readers"]
     reader["pull"]["exporter"]["prometheus"].update(host="127.0.0.1", port=own)
-    path.write_text(yaml.safe_dump(config))
-    stack.enter_context(pytest.MonkeyPatch.context()).setenv("NODE_NAME", "robot1")
-    brought = stack.enter_context(
-        running(tmp_path / "shipper", own, program("otelcol-contrib"), f"--config={path}", GATE)
-    )
+    config["service"]["telemetry"]["logs"]["level"] = "info"  # that of what it tries again
+    (directory / "otelcol.yml").write_text(yaml.safe_dump(config))
+    command = (program("otelcol-contrib"), f"--config={directory}/otelcol.yml", GATE)
+    return stack.enter_context(running(directory, own, *command)).ready("/metrics")
 
-    loki = Loki(f"http://127.0.0.1:{http}")
+
+def test_lines_and_labels(tmp_path: Path, stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every line once, whole, under exactly these labels."""
+    monkeypatch.setenv("NODE_NAME", "robot1")
+    texts = [f"number {index} " + "x" * 40 for index in range(30)]
+    server = started_loki("standalone", tmp_path / "server", stack).ready("/ready")
+    hub = {"http://loki.observability:3100": server.url}
+    brought = started_shipper("standalone", tmp_path / "shipper", stack, texts, hub)
+    loki = Loki(server.url)
     began = time.time() - 600
 
     def all_of(selector: str) -> list[str]:
@@ -168,7 +169,7 @@ def test_an_alert_goes_all_the_way(tmp_path: Path, stack: ExitStack) -> None:
         )
     ).ready("/-/ready")
     words = {"alertmanager.observability:9093": f"127.0.0.1:{alerts}", "/etc/prometheus-rules": str(tmp_path)}
-    config = moved(rendered("hub")["prometheus/prometheus.yml"], words)
+    config = yaml.safe_load(moved(rendered("hub")["prometheus/prometheus.yml"], words))
     config["global"]["evaluation_interval"] = "1s"
     path = tmp_path / "prometheus.json"
     path.write_text(json.dumps({**config, "scrape_configs": []}))
@@ -180,5 +181,5 @@ def test_an_alert_goes_all_the_way(tmp_path: Path, stack: ExitStack) -> None:
         f"--web.listen-address=127.0.0.1:{own}",
     )
     stack.enter_context(running(tmp_path / "prometheus", own, program("prometheus"), *prometheus)).ready("/-/ready")
-    found = eventually("the alert in Alertmanager", lambda: get_json(f"{alertmanager.url}/api/v2/alerts"))
+    found = eventually("the alert in Alertmanager", lambda: json.loads(get(f"{alertmanager.url}/api/v2/alerts")))
     assert [one["labels"] for one in found] == [{"alertname": "Always", "robot": "robot1"}]

@@ -23,10 +23,10 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import PORTS, TLS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.stack import stack_objects, stack_secrets
-from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full, templates
 from doc_blocks import CHECKOUT, blocks_of
-from loopback import Program, eventually, free_port, image_files, program, running
-from test_configs import GATE, PODS, PROFILES, cri, rendered
+from loopback import Program, eventually, free_port, get, image_files, moved, program, running
+from test_configs import PROFILES, rendered, started_loki, started_shipper
 
 HUB, ROBOT = "hub by TLS", "robot by TLS"  # profiles
 
@@ -75,16 +75,11 @@ def _theirs(tmp_path: Path) -> Authority:
     return Authority(tmp_path / "theirs")
 
 
-def ask(url: str, context: ssl.SSLContext) -> str:
-    with urllib.request.urlopen(url, timeout=5, context=context) as answer:  # noqa: S310 - loopback
-        return str(answer.read().decode())
-
-
 def refusal(url: str, context: ssl.SSLContext) -> str:
     """The words with which a handshake is refused; no HTTP at all is spoken."""
     context.maximum_version = ssl.TLSVersion.TLSv1_2  # with 1.3 a caller may write on, and miss them
     with pytest.raises(OSError, match="alert") as caught:
-        ask(url, context)
+        get(url, context)
     assert not isinstance(caught.value, urllib.error.HTTPError)
     return str(caught.value)
 
@@ -95,26 +90,15 @@ def assert_closed(url: str, ours: Authority, theirs: Authority) -> None:
     assert re.search("handshake failure|bad certificate", refusal(url, ours.caller()))
     assert re.search("unknown ca|bad certificate", refusal(url, ours.caller("robot2", theirs)))
     with pytest.raises(urllib.error.HTTPError, match="400"):
-        ask(url.replace("https:", "http:"), ours.caller("robot2"))
+        get(url.replace("https:", "http:"), ours.caller("robot2"))
     with pytest.raises(OSError, match="CERTIFICATE_VERIFY_FAILED"):  # and who believes another hub goes away
-        ask(url, theirs.caller("robot2"))
+        get(url, theirs.caller("robot2"))
 
 
 def arguments(profile: str, part: str, words: dict[str, str]) -> list[str]:
     """Those of the part's container, with other words."""
-    made = stack_objects(full(PROFILES[profile]), Files())
-    [pod] = [
-        one["spec"]["template"]["spec"]
-        for one in made
-        if one["kind"] == "Deployment" and one["metadata"]["name"] == part
-    ]
+    pod = templates(stack_objects(full(PROFILES[profile]), Files()))[part]["spec"]
     return [moved(one, words) for one in pod["containers"][0]["args"]]
-
-
-def moved(text: str, words: dict[str, str]) -> str:
-    for word, other in words.items():
-        text = text.replace(word, other)
-    return text
 
 
 def started_prometheus(directory: Path, secret: Path, stack: ExitStack, **targets: int) -> Program:
@@ -135,27 +119,12 @@ def started_prometheus(directory: Path, secret: Path, stack: ExitStack, **target
     config["global"] = {"scrape_interval": "500ms", "evaluation_interval": "500ms"}
     (place / "prometheus.yml").write_text(yaml.safe_dump({**config, "scrape_configs": jobs}))
     (place / "web.yml").write_text(moved(rendered(HUB)["prometheus/web.yml"], words))
-    return stack.enter_context(running(directory, port, program("prometheus"), *arguments(HUB, "prometheus", words)))
-
-
-def secured(started: Program) -> str:
-    return started.url.replace("http:", "https:")
-
-
-def wait_ready(started: Program, path: str, context: ssl.SSLContext) -> str:
-    """Its address, once it answers there."""
-    url = secured(started)
-
-    def probe() -> bool:
-        assert started.process.poll() is None, started.tail
-        return bool(ask(f"{url}{path}", context))
-
-    eventually(f"{url}{path}\n{started.tail}", probe)
-    return url
+    command = (program("prometheus"), *arguments(HUB, "prometheus", words))
+    return stack.enter_context(running(directory, port, *command, scheme="https"))
 
 
 def series(url: str, query: str, context: ssl.SSLContext) -> list[dict[str, str]]:
-    found = json.loads(ask(f"{url}/api/v1/query?{urlencode({'query': query})}", context))
+    found = json.loads(get(f"{url}/api/v1/query?{urlencode({'query': query})}", context))
     return [one["metric"] for one in found["data"]["result"]]
 
 
@@ -180,9 +149,8 @@ def test_prometheus_takes_samples_of_those_with_a_certificate_alone(
     tmp_path: Path, stack: ExitStack, ours: Authority, theirs: Authority
 ) -> None:
     secret = ours.secret("hub", tmp_path / "hub")
-    prometheus = started_prometheus(tmp_path / "prometheus", secret, stack)
     mine = ours.caller("robot2")
-    url = wait_ready(prometheus, "/-/ready", mine)
+    url = started_prometheus(tmp_path / "prometheus", secret, stack).ready("/-/ready", mine).url
     assert_closed(f"{url}/api/v1/query?query=1", ours, theirs)
     assert_closed(f"{url}/api/v1/write", ours, theirs)
     port = int(url.rpartition(":")[2])
@@ -197,7 +165,7 @@ def test_prometheus_takes_samples_of_those_with_a_certificate_alone(
 
     # another authority takes over: no restart, and who was let in before is not any more
     theirs.secret("hub", secret)
-    eventually("the new certificate", lambda: ask(f"{url}/-/ready", theirs.caller("robot2")))
+    eventually("the new certificate", lambda: get(f"{url}/-/ready", theirs.caller("robot2")))
     assert_closed(f"{url}/api/v1/query?query=1", theirs, ours)
 
 
@@ -212,51 +180,18 @@ def test_alerts_go_by_certificates(tmp_path: Path, stack: ExitStack, ours: Autho
     for name, text in secret["data"].items():
         (root / "etc" / "alertmanager" / name).write_bytes(base64.b64decode(text))
     words = {"--log.level=warn": f"--web.listen-address=127.0.0.1:{port}"}
-    alertmanager = stack.enter_context(
-        running(tmp_path / "alertmanager", port, "chroot", str(root), "/bin/alertmanager",
-                *arguments(HUB, "alertmanager", words))
-    )  # fmt: skip
+    command = ("chroot", str(root), "/bin/alertmanager", *arguments(HUB, "alertmanager", words))
     mine = ours.caller("hub")
-    url = wait_ready(alertmanager, "/-/ready", mine)
+    alertmanager = stack.enter_context(running(tmp_path / "alertmanager", port, *command, scheme="https"))
+    url = alertmanager.ready("/-/ready", mine).url
     assert_closed(f"{url}/api/v2/alerts", ours, theirs)
     rule = {"alert": "Always", "expr": 'up{job="alertmanager"} == 1'}
     rules = tmp_path / "prometheus" / "rules"
     rules.mkdir(parents=True)
     (rules / "rules.yml").write_text(json.dumps({"groups": [{"name": "test", "rules": [rule]}]}))
     started_prometheus(tmp_path / "prometheus", ours.secret("hub", tmp_path / "hub"), stack, alertmanager=port)
-    found = eventually("the alert in Alertmanager", lambda: json.loads(ask(f"{url}/api/v2/alerts", mine)))
+    found = eventually("the alert in Alertmanager", lambda: json.loads(get(f"{url}/api/v2/alerts", mine)))
     assert [one["labels"]["alertname"] for one in found] == ["Always"]
-
-
-def started_loki(directory: Path, secret: Path, stack: ExitStack) -> Program:
-    port = free_port()
-    (directory / "rules").mkdir(parents=True)
-    words = {"/etc/loki-rules": str(directory / "rules"), "/loki": str(directory / "loki"), TLS: str(secret)}
-    config = yaml.safe_load(moved(rendered(HUB)["loki/loki.yml"], words))
-    here = {"http_listen_address": "127.0.0.1", "grpc_listen_address": "127.0.0.1"}
-    config["server"].update(here, http_listen_port=port, grpc_listen_port=free_port())
-    (directory / "loki.yml").write_text(yaml.safe_dump(config))
-    return stack.enter_context(running(directory, port, program("loki"), f"-config.file={directory}/loki.yml"))
-
-
-def started_shipper(directory: Path, secret: Path, hub: int, stack: ExitStack) -> Program:
-    """A robot's, with one pod's lines."""
-    own = free_port()
-    (namespace, pod, container), *_others = PODS
-    log = directory / "pods" / f"{namespace}_{pod}_0a1b2c3d-0000-4000-8000-000000000000" / container / "0.log"
-    log.parent.mkdir(parents=True)
-    log.write_text(cri([f"of {directory.name}"] * 2))
-    words = {
-        "/var/log/pods": str(directory / "pods"), "/var/lib/rosops-fleet/log-shipper": str(directory / "state"),
-        TLS: str(secret), ":30100": f":{hub}",
-    }  # fmt: skip
-    config = yaml.safe_load(moved(rendered(ROBOT)["log-shipper/otelcol.yml"], words))
-    [reader] = config["service"]["telemetry"]["metrics"]["readers"]
-    reader["pull"]["exporter"]["prometheus"].update(host="127.0.0.1", port=own)
-    config["service"]["telemetry"]["logs"]["level"] = "info"  # that of what it tries again
-    (directory / "otelcol.yml").write_text(yaml.safe_dump(config))
-    command = (program("otelcol-contrib"), f"--config={directory}/otelcol.yml", GATE)
-    return stack.enter_context(running(directory, own, *command)).ready("/metrics")
 
 
 def test_loki_takes_lines_of_those_with_a_certificate_alone(
@@ -265,23 +200,27 @@ def test_loki_takes_lines_of_those_with_a_certificate_alone(
     monkeypatch.setenv("NODE_NAME", "robot2")
     secret = ours.secret("hub", tmp_path / "hub")
     mine = ours.caller("robot2")
-    url = wait_ready(started_loki(tmp_path / "loki", secret, stack), "/ready", mine)
+    url = started_loki(HUB, tmp_path / "server", stack, {TLS: str(secret)}).ready("/ready", mine).url
     assert_closed(f"{url}/loki/api/v1/labels", ours, theirs)
     assert_closed(f"{url}/otlp/v1/logs", ours, theirs)
     port = int(url.rpartition(":")[2])
 
     def lines() -> list[str]:
         query = urlencode({"query": '{robot="robot1"}', "start": f"{time.time() - 600:.0f}"})
-        found = json.loads(ask(f"{url}/loki/api/v1/query_range?{query}", mine))["data"]["result"]
+        found = json.loads(get(f"{url}/loki/api/v1/query_range?{query}", mine))["data"]["result"]
         return [line for stream in found for _when, line in stream["values"]]
 
-    stranger = started_shipper(tmp_path / "stranger", ours.secret("robot2", tmp_path / "c", theirs), port, stack)
-    started_shipper(tmp_path / "robot", ours.secret("robot2", tmp_path / "b"), port, stack)
+    def shipper(name: str, secret: Path) -> Program:
+        words = {TLS: str(secret), ":30100": f":{port}"}
+        return started_shipper(ROBOT, tmp_path / name, stack, [f"of {name}"] * 2, words)
+
+    stranger = shipper("stranger", ours.secret("robot2", tmp_path / "c", theirs))
+    shipper("robot", ours.secret("robot2", tmp_path / "b"))
     eventually("the robot's lines", lines)
     eventually("the stranger's complaint", lambda: re.search("remote error: tls: ", stranger.tail))
     assert set(lines()) == {"of robot"}
 
     # who asks by an address is served by the certificate of its start, and who is believed is of its start, too
     theirs.secret("hub", secret)
-    assert ask(f"{url}/ready", mine)
+    assert get(f"{url}/ready", mine)
     assert_closed(f"{url}/loki/api/v1/labels", ours, theirs)

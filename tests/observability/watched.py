@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import gaps
 import memory
 from cluster import Hosts
 from kubernetes import client, config
@@ -20,6 +21,7 @@ ROBOTS = [MEMBER, ALONE]
 NAMESPACE = "observability"
 METRICS_PORT, LOGS_PORT = 30090, 30100  # the hub's
 INTERVAL = 10.0  # of scrapes
+STREAM = {"robot", "namespace", "app", "pod", "placement"}  # the labels of an app's lines, and of its series
 RECORD = "robot-updates"
 GRAPH = """
 import json, sys, xmlrpc.client
@@ -111,17 +113,14 @@ class Watched:
                 raise
             core.create_namespaced_config_map(namespace, body)
 
+    def counted(self, robot: str, since: float) -> dict[str, gaps.Numbers]:
+        """What came of the counting app's lines, by its runs."""
+        return gaps.numbers(self.loki.lines(f'{{robot="{robot}",app="counter"}}', since, time.time()))
+
     # --- alerts -----------------------------------------------------------------------------------------------------
 
-    def wait_firing(self, alert: str, seconds: float, **labels: str) -> float:
-        """Until it fires; how long that took."""
-        return self._wait(alert, seconds, labels, fires=True)
-
-    def wait_clear(self, alert: str, seconds: float, **labels: str) -> float:
-        """Until it does not fire any more; how long that took."""
-        return self._wait(alert, seconds, labels, fires=False)
-
-    def _wait(self, alert: str, seconds: float, labels: dict[str, str], fires: bool) -> float:
+    def wait_alert(self, alert: str, fires: bool, seconds: float, **labels: str) -> float:
+        """Until it fires, or does not any more; how long that took."""
         began, what = time.monotonic(), f"{alert} firing" if fires else f"the end of {alert}"
         wait_until(
             lambda: self.prometheus.firing(alert, **labels), lambda found: bool(found) is fires, seconds, what, 1

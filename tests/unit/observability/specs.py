@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
 
 def full(settings: Mapping[str, Any]) -> Spec:
@@ -24,3 +25,8 @@ def full(settings: Mapping[str, Any]) -> Spec:
             assert f"observability_{name}" in options
             variables[f"observability_{name}"] = value
     return spec_of({**variables, "observability": mapping}, **place)
+
+
+def templates(objects: Iterable[Object]) -> dict[str, Any]:
+    """The pod templates of Deployments and DaemonSets, by name."""
+    return {one["metadata"]["name"]: one["spec"]["template"] for one in objects if "template" in one.get("spec", {})}

@@ -14,6 +14,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.configs import config
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import checked
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
+from ansible_collections.rosops.fleet.tests.unit.observability.test_dashboards_rules import alerts
 from dashboards import build
 from dashboards.lint import fleet_findings, logql_findings, page_findings, promql_findings
 from dashboards.queries import FILES, Query, all_queries, filled, needs, of_rules
@@ -134,15 +135,7 @@ def test_a_row_of_a_robot_leads_to_its_dashboard_and_that_takes_the_name() -> No
 def test_an_alert_leads_to_its_runbook() -> None:
     """The link is made of the alert's name, as ALERTS has no annotations: it has to be what each rule says itself."""
     [url] = {url for _where, url in links() if not url.startswith("/d/")}
-    rules = [
-        rule
-        for path in (FILES / "rules").glob("*.yml")
-        for group in yaml.safe_load(path.read_text("utf-8"))["groups"]
-        for rule in group["rules"]
-        if "alert" in rule
-    ]
-    assert len(rules) > 10
-    for rule in rules:
+    for rule in alerts():
         assert url.replace("${__value.raw}", rule["alert"]) == rule["annotations"]["runbook_url"]
 
 

@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec i
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
 from ansible_collections.rosops.fleet.tests.unit.observability import regenerate_stack as stack
-from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full, templates
 
 HERE = Path(__file__).resolve().parent
 DATA = ("PersistentVolumeClaim", "Secret", "Namespace")
@@ -32,20 +32,10 @@ def find(objects: list[Object], kind: str, name: str) -> Object:
     return found
 
 
-def pod_of(objects: list[Object], kind: str, name: str) -> dict[str, Any]:
-    pod: dict[str, Any] = find(objects, kind, name)["spec"]["template"]["spec"]
-    return pod
-
-
-def workloads(objects: list[Object]) -> dict[str, Object]:
-    """Deployments and DaemonSets by name."""
-    return {one["metadata"]["name"]: one for one in objects if one["kind"] in ("Deployment", "DaemonSet")}
-
-
 def hashes(spec: dict[str, Any], files: Files = stack.FILES) -> dict[str, str]:
     """The hash of every pod's configuration, by workload."""
-    found = workloads(observability.stack_objects(full(spec), files))
-    return {name: one["spec"]["template"]["metadata"]["annotations"][HASH] for name, one in found.items()}
+    found = templates(observability.stack_objects(full(spec), files))
+    return {name: one["metadata"]["annotations"][HASH] for name, one in found.items()}
 
 
 def keys(objects: list[Object]) -> list[tuple[str, str]]:
@@ -66,7 +56,7 @@ def test_what_is_applied(name: str) -> None:
         fits_the_api(one)
         for file, said in one["data"].items() if one["kind"] == "ConfigMap" else ():
             assert not file.endswith(".yml") or yaml_text(yaml.safe_load(said)) == said
-    pods = [one["spec"]["template"]["spec"] for one in workloads(made).values()]
+    pods = [one["spec"] for one in templates(made).values()]
     used = {one["image"] for pod in pods for one in [*pod.get("initContainers", []), *pod["containers"]]}
     assert sorted(used) == images(full(stack.SPECS[name]))
     assert "subPath" not in json.dumps(made)  # by which changes would not arrive
@@ -78,7 +68,7 @@ def test_what_is_applied(name: str) -> None:
 @pytest.mark.parametrize("size", ["600Mi", "1Gi", "8Gi", "10G", "1Ti", "1500M", "2.5Gi"])
 def test_retention_by_size_is_below_the_claim(size: str) -> None:
     objects = observability.stack_objects(full({"prometheus_size": size}), stack.FILES)
-    args = pod_of(objects, "Deployment", "prometheus")["containers"][0]["args"]
+    args = templates(objects)["prometheus"]["spec"]["containers"][0]["args"]
     [found] = [one for one in args if one.startswith("--storage.tsdb.retention.size=")]
     assert 0 < int(found.partition("size=")[2].removesuffix("MB")) * 2**20 <= 0.85 * float(quantity_value(size) or 0)
     assert find(objects, "PersistentVolumeClaim", "prometheus")["spec"]["resources"]["requests"]["storage"] == size
@@ -129,8 +119,8 @@ def test_the_password_is_stable(there: tuple[str, str] | None, given: str, passw
 
 
 def test_a_new_password_restarts_grafana_alone() -> None:
-    before, after = (workloads(observability.stack_objects(full({}), stack.FILES, version)) for version in ("v1", "v2"))
-    assert {name for name in before if before[name]["spec"] != after[name]["spec"]} == {"grafana"}
+    before, after = (templates(observability.stack_objects(full({}), stack.FILES, version)) for version in ("v1", "v2"))
+    assert {name for name in before if before[name] != after[name]} == {"grafana"}
 
 
 @pytest.mark.parametrize(
@@ -160,7 +150,7 @@ def test_dashboards_are_mounted_and_none_is_an_empty_directory() -> None:
     assert find(none, "ConfigMap", "prometheus-rules")["data"] == {}
     sources = [{"configMap": {"name": "dashboard-fleet"}}]
     for objects, volume in ((none, {"emptyDir": {}}), (own, {"projected": {"sources": sources}})):
-        assert {"name": "dashboards-fleet", **volume} in pod_of(objects, "Deployment", "grafana")["volumes"]
+        assert {"name": "dashboards-fleet", **volume} in templates(objects)["grafana"]["spec"]["volumes"]
     for wanted in (True, False):  # the default ones can be left out
         objects = observability.stack_objects(full({}), stack_files([], "", wanted))
         assert ("dashboard-fleet" in [one["metadata"]["name"] for one in objects]) is wanted
@@ -209,6 +199,6 @@ def test_overrides_come_last() -> None:
     more = {"name": "loki", "resources": {"limits": {"memory": "1Gi"}}}
     patch = {"spec": {"template": {"spec": {"containers": [more]}}}}
     objects = observability.stack_objects(full({"overrides": {"loki": patch}}), stack.FILES)
-    container = pod_of(objects, "Deployment", "loki")["containers"][0]
+    container = templates(objects)["loki"]["spec"]["containers"][0]
     assert container["resources"]["limits"] == {"memory": "1Gi"}
     assert container["image"].startswith("grafana/loki")

@@ -15,7 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
-from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full, templates
 from doc_blocks import CHECKOUT, blocks_of
 
 NAME = "telemetry-tls"
@@ -39,10 +39,7 @@ def built(spec: Spec) -> list[Object]:
 
 def pods(spec: Spec) -> dict[str, Any]:
     """Part -> its pod."""
-    made = stack.stack_objects(spec, Files())
-    return {
-        one["metadata"]["name"]: one["spec"]["template"]["spec"] for one in made if "template" in one.get("spec", {})
-    }
+    return {name: one["spec"] for name, one in templates(stack.stack_objects(spec, Files())).items()}
 
 
 def file(spec: Spec, name: str, file_name: str) -> Any:
@@ -175,9 +172,7 @@ def restarted(change: dict[str, str]) -> set[str]:
         versions = stack.tls_versions(spec, {NAME: one, f"{NAME}-shipper": one})
         made = stack.stack_objects({**spec, "tls_versions": versions}, Files())
         assert "a2V5" not in json.dumps(made)
-        found.append(
-            {one["metadata"]["name"]: one["spec"]["template"] for one in made if "template" in one.get("spec", {})}
-        )
+        found.append(templates(made))
     before, after = found
     return {part for part in before if before[part] != after[part]}
 
