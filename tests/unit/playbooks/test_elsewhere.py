@@ -8,16 +8,10 @@ import threading
 from pathlib import Path
 from typing import Any
 
-import pytest
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 EDGES = ("192.0.2.1", "192.0.2.2", "192.0.2.3")
-
-
-@pytest.fixture
-def control(tmp_path: Path, server: Server) -> Control:
-    return Control(tmp_path, server)
 
 
 def tokens(server: Server) -> set[Any]:

@@ -24,11 +24,6 @@ APPS = [
 
 
 @pytest.fixture
-def control(tmp_path: Path, server: Server) -> Control:
-    return Control(tmp_path, server)
-
-
-@pytest.fixture
 def peers() -> Iterator[Peers]:
     found = Peers()
     yield found
