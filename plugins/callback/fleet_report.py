@@ -108,13 +108,6 @@ def secret_free(result: Any) -> dict[str, Any]:
     return data
 
 
-def paths_of(path: Path, report: Data) -> list[Path]:
-    """The run's file, and the last one of its playbook: a look at the fleet must not hide what its last update did."""
-    if report["check_mode"]:
-        return [path]
-    return [path, path.with_name(f"{path.stem}-{Path(report['playbook']).stem}{path.suffix}")]
-
-
 class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
     """What goes wrong in a method ansible-core makes a warning of, and the run goes on."""
 
@@ -207,8 +200,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         if path is None:
             return
         text = json.dumps(report, indent=2, default=str) + "\n"
-        for place in paths_of(path, report):
-            write(place, text)
+        write(path, text)
+        if not report["check_mode"]:  # a later look at the fleet must not hide what an update did
+            write(path.with_name(f"{path.stem}-{Path(self.playbook).stem}{path.suffix}"), text)
         # AWX deletes the copy of the project in which a job runs
         gone = "AWX_HOST" in os.environ and path.is_relative_to(Path.cwd())
         where = "fleet_outcomes, an artifact of this job; files in its directory go with it" if gone else path

@@ -17,7 +17,6 @@ from ansible.playbook.task import Task
 from ansible.utils.context_objects import CLIArgs
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.callback import fleet_report
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport
 
 
 class FakeDisplay:
@@ -71,6 +70,7 @@ def written(tmp_path: Path) -> Any:
 
 
 def test_a_run(callback: Any, tmp_path: Path) -> None:
+    """A later look at the fleet does not hide what an update did: the last report of each playbook stays."""
     callback.v2_playbook_on_task_start(task(), False)
     callback.v2_runner_on_ok(result(task(), {"changed": True}))
     callback.v2_runner_on_unreachable(result(task(), {"msg": "no route"}, "robot2"))
@@ -96,6 +96,7 @@ def test_check_mode_says_so(callback: Any, tmp_path: Path, monkeypatch: pytest.M
     assert callback._display.lines[0] == "FLEET REPORT (check mode: nothing was changed)"
     assert "would change" in callback._display.lines[2]
     assert written(tmp_path)["check_mode"] is True
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["report.json"]
 
 
 @pytest.mark.parametrize("no_log", [True, None])
@@ -144,10 +145,3 @@ def test_a_relative_path_starts_at_the_configuration_and_an_empty_one_writes_non
     callback.v2_playbook_on_stats(stats(robot1="ok"))
     assert [one.name for one in tmp_path.iterdir()] == (["reports"] if path else [])
     assert not callback._display.warnings
-
-
-def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:
-    path = tmp_path / "fleet-report.json"
-    update = RunReport().finish({}, 1.0, "playbooks/update.yml")
-    assert fleet_report.paths_of(path, update) == [path, tmp_path / "fleet-report-update.json"]
-    assert fleet_report.paths_of(path, {**update, "check_mode": True}) == [path]

@@ -356,9 +356,9 @@ def test_what_volumes_hold() -> None:
         "robot2": [f"1\t{path}", "1\t/k3s/storage/pvc-aa_fleet_maps"],  # which are not its own
         "robot3": [],
     }
-    found = look.usage_of(
-        {**{host: {"stdout": "\n".join(lines)} for host, lines in said.items()}, "off": OFF}, ["robot1", "robot2"]
-    )
+    results: dict[str, Any] = {host: {"stdout": "\n".join(lines)} for host, lines in said.items()}
+    odd = {"robot4": {"stdout": 7, "stdout_lines": 7}, "robot5": {"stdout": [f"1\t{path}3"]}}  # no command's result
+    found = look.usage_of({**results, **odd, "off": OFF}, ["robot1", "robot2"])
     assert found == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
 
 
@@ -398,7 +398,3 @@ def test_rates_that_apps_promise() -> None:
     assert told == {"/odom": Promise(18, "base", "robot1"), "/scan": Promise(10, "fused", "robot1")}
     services = {"edge": [service("robot-robot1", "10.43.0.1")]}
     assert look.graphs_to_read(hosts, services, there)["robot1"].promised == told
-
-
-def test_what_a_host_returns_that_is_no_result_of_a_command() -> None:
-    assert look.usage_of({"robot1": {"stdout": 7, "stdout_lines": 7}, "robot2": {"stdout": ["4096\t/x"]}}, []) == {}
