@@ -97,23 +97,20 @@ class Answer:
 
 def ask(opened: Mapping[str, Callable[[], Kube]], seconds: float = SECONDS) -> dict[str, Answer]:
     """The answer of each cluster, by its name; `opened` connects to it, or raises one of our errors."""
-    answers: dict[str, Answer] = {}
+    answers = dict.fromkeys(opened, Answer(problem=f"no answer within {seconds:.0f} s"))
     pool = ThreadPoolExecutor(MOST_AT_ONCE)
     # All are opened before any is closed: the client's temporary files of keys go with the first that is closed.
     with ExitStack() as open_ones:
         running = {}
         for cluster, connect in opened.items():
             try:
-                kube = open_ones.enter_context(connect())
+                running[cluster] = pool.submit(_read, open_ones.enter_context(connect()))
             except FleetError as error:
                 answers[cluster] = Answer(problem=str(error))
-            else:
-                running[cluster] = pool.submit(_read, kube)
         wait(running.values(), timeout=seconds)
-        late = Answer(problem=f"no answer within {seconds:.0f} s")
-        answers.update((cluster, one.result() if one.done() else late) for cluster, one in running.items())
+        answers |= {cluster: one.result() for cluster, one in running.items() if one.done()}
         pool.shutdown(wait=False, cancel_futures=True)
-    return {cluster: answers[cluster] for cluster in opened}
+    return answers
 
 
 def _read(kube: Kube) -> Answer:

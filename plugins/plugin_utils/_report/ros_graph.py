@@ -100,8 +100,7 @@ def topic_rows(graphs: Graphs) -> Iterator[rows.Topic]:
 
 
 def links(graphs: Graphs) -> list[rows.Link]:
-    found = (link for robot, one in sorted(graphs.items()) for link in _links(robot, one.graph))
-    return [link for link in found if link.subscribers]
+    return [link for robot, one in sorted(graphs.items()) for link in _links(robot, one.graph) if link.subscribers]
 
 
 def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
