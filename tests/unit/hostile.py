@@ -243,10 +243,7 @@ REST = {
     "apps": {"a": {"when": [], "idle": []}},
 }
 IMAGES = {"images": [{"id": "sha256:1", "repoTags": ["a:1"], "repoDigests": ["a@sha256:1"]}]}
-OBJECTS = {
-    "Node": a_fleet.SOURCES["nodes"], "Deployment": a_fleet.SOURCES["deployments"], "Pod": a_fleet.SOURCES["pods"],
-    "PersistentVolumeClaim": a_fleet.SOURCES["claims"], "ConfigMap": [KEPT, UPDATES],
-}  # fmt: skip
+OBJECTS = {**a_fleet.OBJECTS, "ConfigMap": [KEPT, UPDATES]}
 RECORDED = {
     "kind": recording.KIND, "version": recording.VERSION, "graph": {"services": {}, "actions": {}, **a_fleet.GRAPH},
     "apps": [{"name": "a", "placement": "local", "addresses": ["10.0.0.1"]}],

@@ -94,35 +94,30 @@ HOSTS = (
     Host("edge1", "edge", "10.0.0.11", "server", "edge"),
     Host("robot2", "robots", "", "agent", "edge", reachable=False, reason="timed out"),
 )
-SOURCES: dict[str, Any] = {
-    "hosts": HOSTS,
-    "nodes": [
+OBJECTS: dict[str, list[Object]] = {
+    "Node": [
         node("robot1", "Unknown"),
         node("edge1", **{"node-role.kubernetes.io/control-plane": "true", "zone": "a"}),
     ],
-    "deployments": [
+    "Deployment": [
         *(workload("temperature-sensor"), workload("stats", remote=True, ready=0), workload("ros-master")),
         workload("not-ours", manager="helm"),
     ],
-    "pods": [
+    "Pod": [
         pod("temperature-sensor", "robot1", restarts=2),
         pod("stats", "edge1", ready=False),
         pod("ros-master", "robot1"),
         pod("stats", "edge9", robot="robot9"),
     ],
-    "claims": [claim()],
-    "graphs": {"robot1": GRAPH},
-    "usage": {"robot-robot1/logs-pvc": 5_345_678},
+    "PersistentVolumeClaim": [claim()],
 }
+USAGE = {"robot-robot1/logs-pvc": 5_345_678}
+SOURCES: dict[str, Any] = {**OBJECTS, "hosts": HOSTS, "graphs": {"robot1": GRAPH}, "usage": USAGE}
 
 
 def fleet_status(sources: dict[str, Any]) -> Status:
-    kinds = {
-        "Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims",
-        "StorageClass": "classes", "ConfigMap": "maps",
-    }  # fmt: skip
-    found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
-    held = replace(cluster_rows([found], sources.get("usage", {}), NOW), hosts=sources.get("hosts", ()))
+    """By objects of each kind and what is known beside them."""
+    held = replace(cluster_rows([sources], sources.get("usage", {}), NOW), hosts=sources.get("hosts", ()))
     promised = sources.get("promised", {})
     graphs = {robot: Reading.from_dict(one, promised) for robot, one in sources.get("graphs", {}).items()}
     return status_of(held, graphs)

@@ -33,7 +33,7 @@ def test_masters_helpers_and_apps() -> None:
     shared = workload("map-server", remote=True)  # of the whole fleet
     del shared["metadata"]["labels"]["rosops.fleet/robot"]
     names = ("ros-master", "ros-keeper", "ros-exporter", "sensor")
-    status = fleet_status({"hosts": HOSTS, "deployments": [*map(workload, names), shared]})
+    status = fleet_status({"hosts": HOSTS, "Deployment": [*map(workload, names), shared]})
     assert [(row.robot, row.name) for row in status.apps] == [("(shared)", "map-server"), ("robot1", "sensor")]
     assert [row.name for row in status.helpers] == ["ros-exporter", "ros-keeper"]
     told = {count.section: count.words for count in counts(status)}
@@ -44,7 +44,7 @@ def test_a_version_that_the_keeper_took_back() -> None:
     told = {"from": "rev2", "to": "rev1", "at": "2026-11-22T06:01:40.123456Z", "reason": "not ready 120 s"}
     there = workload("sensor")
     there["metadata"].setdefault("annotations", {})["rosops.fleet/went-back"] = json.dumps(told)
-    status = fleet_status({"deployments": [there, workload("other")]})
+    status = fleet_status({"Deployment": [there, workload("other")]})
     row = WentBack("robot1", "sensor", *told.values())
     assert status.went_back == (row,)
     title, headers, line = status_text(status).partition("TAKEN BACK")[2].splitlines()[:3]
@@ -71,7 +71,7 @@ def test_since_when_something_is_not_ready(said: list[dict[str, str]], since: st
     off["status"]["conditions"][0]["lastTransitionTime"] = LOST
     waits = claim("Pending")
     waits["metadata"]["creationTimestamp"] = LOST
-    status = fleet_status({"deployments": [there], "pods": [down], "nodes": [off], "claims": [waits]})
+    status = fleet_status({"Deployment": [there], "Pod": [down], "Node": [off], "PersistentVolumeClaim": [waits]})
     assert (status.nodes[0].since, status.apps[0].since, status.claims[0].since) == (LOST, since, LOST)
 
 
@@ -81,7 +81,7 @@ def test_claims() -> None:
         used_bytes=5_345_678,
     )  # fmt: skip
     assert fleet_status(SOURCES).claims == (bound,)
-    [pending] = fleet_status({"claims": [claim("Pending")]}).claims
+    [pending] = fleet_status({"PersistentVolumeClaim": [claim("Pending")]}).claims
     asked = replace(bound, bound=False, phase="Pending", size="100Mi", used_bytes=None)
     assert replace(pending, note="", unused=False) == asked
 
@@ -101,7 +101,7 @@ MOUNTS["spec"]["template"]["spec"]["volumes"] = [{"persistentVolumeClaim": {"cla
 def test_a_claim_that_nobody_mounts_is_in_order(mode: str, apps: list[Object], unused: bool, note: str) -> None:
     """As a run's own wait has it, which ends there."""
     classes = [{"metadata": {"name": "local-path"}, "volumeBindingMode": mode}]
-    status = fleet_status({"claims": [claim("Pending")], "classes": classes, "deployments": apps})
+    status = fleet_status({"PersistentVolumeClaim": [claim("Pending")], "StorageClass": classes, "Deployment": apps})
     [row] = status.claims
     assert row.unused is unused and row.note.startswith(note)
     about = [one.told.what for one in attention(status) if one.told.where == "claim logs-pvc of robot1"]
@@ -132,7 +132,7 @@ LATELY, SINCE = "2026-11-24T16:12:10Z", "2026-11-24T10:00:00Z"
 def test_a_container_that_ended_lately_needs_attention(at: str, restarts: int, sandbox: str, told: str) -> None:
     """Ready, and down every 20 s: nothing else would say so."""
     there = ended("bringup", at, restarts, sandbox=sandbox)
-    status = fleet_status({"deployments": [workload("bringup")], "pods": [there]})
+    status = fleet_status({"Deployment": [workload("bringup")], "Pod": [there]})
     assert (status.apps[0].ended, status.apps[0].ended_at) == (told, at if told else "")
     logs = "k3s kubectl -n robot-robot1 logs deploy/bringup --previous"
     said = [(one.told.where, one.told.what, one.told.since, one.told.todo) for one in attention(status)]
@@ -142,7 +142,7 @@ def test_a_container_that_ended_lately_needs_attention(at: str, restarts: int, s
 def test_what_ended_lately_and_is_not_ready_is_one_finding() -> None:
     there = ended("bringup", LATELY)
     there["status"]["conditions"][0]["status"] = "False"
-    status = fleet_status({"deployments": [workload("bringup", ready=0)], "pods": [there]})
+    status = fleet_status({"Deployment": [workload("bringup", ready=0)], "Pod": [there]})
     [told] = [one.told for one in attention(status)]
     assert told.what.startswith("0 of 1 ready") and told.what.endswith("2 times, last: exit code 1 (Error)")
     assert told.todo == "k3s kubectl -n robot-robot1 logs deploy/bringup --previous"

@@ -40,8 +40,8 @@ from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None:
     died = {"node": "/lidar", "host": "10.42.0.7", "alive": False, "exit_code": 3, "crash": "ended with exit code 3"}
     sources = {
-        "deployments": [workload("base")],
-        "pods": [pod("base", "robot1")],
+        "Deployment": [workload("base")],
+        "Pod": [pod("base", "robot1")],
         "graphs": {"robot1": {"launched": [died, {**died, "node": "/map", "exit_code": None, "crash": ""}]}},
     }
     status = fleet_status(sources)
@@ -73,8 +73,8 @@ def promise(least: float) -> dict[str, Any]:
 def test_rates_are_held_against_what_was_promised(rate: float | None, least: float, level: str, cell: str) -> None:
     topic = {"type": "sensor_msgs/Imu", "publishers": ["/imu"], "subscribers": [], "connections": [], "rate": rate}
     sources = {
-        "deployments": [workload("bringup")],
-        "pods": [pod("bringup", "robot1")],
+        "Deployment": [workload("bringup")],
+        "Pod": [pod("bringup", "robot1")],
         "graphs": {"robot1": {"topics": {"/imu": topic, "/free": topic}}},
         "promised": promise(least),
     }
@@ -90,10 +90,10 @@ def test_rates_are_held_against_what_was_promised(rate: float | None, least: flo
 
 def test_a_promised_topic_that_nobody_publishes() -> None:
     sources: dict[str, Any] = {"graphs": {"robot1": {}}, "promised": promise(90)}
-    status = fleet_status({**sources, "deployments": [workload("bringup")]})
+    status = fleet_status({**sources, "Deployment": [workload("bringup")]})
     assert [level_of(row) for row in status.topics] == ["bad"]
     assert [one.told.what for one in attention(status)] == ["nobody publishes it; bringup promises at least 90 Hz"]
-    down = fleet_status({**sources, "deployments": [workload("bringup", ready=0)]})
+    down = fleet_status({**sources, "Deployment": [workload("bringup", ready=0)]})
     assert [(one.told.where, one.takes) for one in attention(down)] == [
         ("app bringup of robot1", ["topic /imu of robot1"])
     ]
