@@ -99,10 +99,10 @@ def test_topic_at_half_its_rate(fleet: Watched) -> None:
     api = fleet.apps(MEMBER)
 
     def send_at(hertz: int) -> None:
-        container = {"name": f"{deployment}-container", "env": [{"name": "RATE_HZ", "value": str(hertz)}]}
-        body = {"spec": {"template": {"spec": {"containers": [container]}}}}
         found = api.read_namespaced_deployment(deployment, namespace)
-        container["name"] = found.spec.template.spec.containers[0].name
+        name = found.spec.template.spec.containers[0].name
+        container = {"name": name, "env": [{"name": "RATE_HZ", "value": str(hertz)}]}
+        body = {"spec": {"template": {"spec": {"containers": [container]}}}}
         api.patch_namespaced_deployment(deployment, namespace, body)
 
     send_at(250)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import time
-from typing import Any
 
 import gaps
 import pytest
@@ -29,13 +28,12 @@ def minutes(request: pytest.FixtureRequest) -> float:
     )
 
 
-def kill_in(fleet: Watched, seconds: float) -> dict[str, Any]:
+def kill_in(fleet: Watched, seconds: float) -> None:
     """Have the host itself kill the two, by their processes: nobody reaches it then."""
-    pods = {app: fleet.pods(ALONE, NAMESPACE, app)[0] for app in ("vmagent", "log-shipper")}
-    processes = [number for pod in pods.values() for number in fleet.hosts.processes(ALONE, pod.metadata.uid)]
+    pods = [fleet.pods(ALONE, NAMESPACE, app)[0] for app in ("vmagent", "log-shipper")]
+    processes = [number for pod in pods for number in fleet.hosts.processes(ALONE, pod.metadata.uid)]
     assert len(processes) == 2, processes
     fleet.hosts.ssh(ALONE, f"systemd-run --on-active={seconds:.0f} /bin/kill -9 {' '.join(map(str, processes))}")
-    return pods
 
 
 def restarts(fleet: Watched, app: str) -> int:

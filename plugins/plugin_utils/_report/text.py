@@ -166,17 +166,13 @@ def status_text(status: Status) -> str:
 
 def summary_text(status: Status, now: str, name: str = "") -> str:
     """Findings are said whole, however long the line. `now` is as in 2026-11-21T09:07:52Z, `name` is the fleet's."""
-    findings = attention(status)
-    lines = [*([f"FLEET {words(name)}", ""] if name else []), "NEEDS ATTENTION"]
-    for finding in findings:
-        lines += _finding(finding, now)
-    lines += ["  nothing"] if not findings else []
+    head = [f"FLEET {words(name)}", ""] if name else []
+    told = [line for finding in attention(status) for line in _finding(finding, now)] or ["  nothing"]
     found = counts(status)
     labels = [title if (title := TITLES[count.section])[:3] == "ROS" else title.lower() for count in found]
     size = max(map(len, labels), default=0)
-    lines += ["", "SUMMARY"]
-    lines += [f"  {label:<{size}}  {words(one.words)}" for label, one in zip(labels, found)] or ["  nothing was found"]
-    return "\n".join(lines) + "\n"
+    counted = [f"  {label:<{size}}  {words(one.words)}" for label, one in zip(labels, found)] or ["  nothing was found"]
+    return "\n".join([*head, "NEEDS ATTENTION", *told, "", "SUMMARY", *counted]) + "\n"
 
 
 def _finding(finding: Finding, now: str) -> Iterator[str]:

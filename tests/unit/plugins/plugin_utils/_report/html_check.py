@@ -38,7 +38,6 @@ class Page(HTMLParser):
         self.tags.append(tag)
         self.attributes.append((tag, found))
         self._ids += [found["id"]] if "id" in found else []
-        self._wanted += found.get("aria-labelledby", "").split()
         self._wanted += [found["href"][1:]] if found.get("href", "").startswith("#") else []
         self.problems += [f"<{tag} {name}> is run" for name in found if name.startswith("on")]
         self.problems += [f"<{tag} {name}> is fetched" for name in found if name in FETCHING]
@@ -47,11 +46,6 @@ class Page(HTMLParser):
             self.problems.append(f"<{tag} href={found['href']}> leads out of the page")
         if tag not in VOID:
             self._open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self._open.pop()
 
     def handle_endtag(self, tag: str) -> None:
         if not self._open or self._open.pop() != tag:
