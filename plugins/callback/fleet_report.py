@@ -120,9 +120,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         super().__init__()
         # an older one hands results on in another way; the first task of each playbook says that it is too old
         self.disabled = tuple(map(int, __version__.split(".")[:2])) < CORE
-        self.report = RunReport(time.monotonic())
-        self.started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        self.playbook = ""
+        self.report = RunReport(time.monotonic(), time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
         standing = Standing(Path(C.DEFAULT_LOCAL_TMP))
         self.silence = Silence(self._display.display, time.monotonic, standing.words)
         self.ahead: set[str] = set()  # plays that have not begun
@@ -131,7 +129,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     # --- what happens -----------------------------------------------------------------------------------------------
 
     def v2_playbook_on_start(self, playbook: Any) -> None:
-        self.playbook = Path(playbook_file(playbook)).name
+        self.report.playbook = Path(playbook_file(playbook)).name
         self.ahead = {identity(play) for play in playbook.get_plays()}
         self.beside.enter_context(ticking(LOOK, self.silence.look))
 
@@ -141,7 +139,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.silence.begins(play.get_name().strip())
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
-        note_run(self.report.so_far(self.playbook, self.started))
+        note_run(self.report.so_far())
 
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's
         self.silence.begins(name_of(task))
@@ -179,13 +177,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.beside.close()
         if self.ahead:
             self.report.cut_short()
-        report = self.report.finish(
-            {host: stats.summarize(host) for host in stats.processed},
-            time.monotonic(),
-            playbook=self.playbook,
-            check_mode=bool(context.CLIARGS.get("check")),
-            started=self.started,
-        )
+        counts = {host: stats.summarize(host) for host in stats.processed}
+        report = self.report.finish(counts, time.monotonic(), check_mode=bool(context.CLIARGS.get("check")))
         self._print(report)
         self._write(report)
 
@@ -202,7 +195,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         text = json.dumps(report, indent=2, default=str) + "\n"
         write(path, text)
         if not report["check_mode"]:  # a later look at the fleet must not hide what an update did
-            write(path.with_name(f"{path.stem}-{Path(self.playbook).stem}{path.suffix}"), text)
+            write(path.with_name(f"{path.stem}-{Path(self.report.playbook).stem}{path.suffix}"), text)
         # AWX deletes the copy of the project in which a job runs
         gone = "AWX_HOST" in os.environ and path.is_relative_to(Path.cwd())
         where = "fleet_outcomes, an artifact of this job; files in its directory go with it" if gone else path

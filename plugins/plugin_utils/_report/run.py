@@ -122,9 +122,10 @@ class _Play:
 
 
 class RunReport:
-    """Collects what happens in a run. Times are seconds of one clock, whichever."""
+    """Collects what happens in a run. Times are seconds of one clock, whichever, but for `started`, which is UTC."""
 
-    def __init__(self, now: float = 0.0) -> None:
+    def __init__(self, now: float = 0.0, started: str = "") -> None:
+        self.playbook, self.started = "", started
         self._begun = now
         self._plays: list[_Play] = []
         self._tasks: dict[str, Task] = {}
@@ -202,11 +203,8 @@ class RunReport:
         host.ready = results.ready_of(action, result) or host.ready
         self._apis.update(result.get("apis") or {})
 
-    def finish(
-        self, stats: Mapping[str, Counts], now: float, playbook: str = "", check_mode: bool = False, started: str = ""
-    ) -> Data:
-        """The report as it is written: times in seconds, `started` in UTC. `stats` is Ansible's own summary per host,
-        which knows what was rescued."""
+    def finish(self, stats: Mapping[str, Counts], now: float, check_mode: bool = False) -> Data:
+        """The report as it is written. `stats` is Ansible's own summary per host: it knows what was rescued."""
         names = [name for name in self._hosts if name != "localhost" or name in stats]
         if len(names) > 1:  # what ran on the control node only helped the others
             names = [name for name in names if name != "localhost"]
@@ -216,9 +214,9 @@ class RunReport:
         words = [host["outcome"] for host in hosts]
         ends = [*(play.begun for play in self._plays[1:]), now]
         return {
-            "playbook": playbook,
+            "playbook": self.playbook,
             "check_mode": check_mode,
-            "started": started,
+            "started": self.started,
             "elapsed": round(now - self._begun, 3),
             "outcomes": {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
             "hosts": hosts,
@@ -236,7 +234,7 @@ class RunReport:
         about = {"host": name, "groups": host.groups, "failed_task": failed, "changed": host.changed}
         return {**about, **host.outcome(counts, ended).as_dict(), "ready": host.ready, "counts": counts}
 
-    def so_far(self, playbook: str, started: str) -> Noted:
+    def so_far(self) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
         failed = {name for name, host in self._hosts.items() if host.failure}
         here, lost = dict[str, Data](), dict[str, Data]()
@@ -244,9 +242,10 @@ class RunReport:
             changed = len(host.changed)
             gone = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
             stays, left = host.outcome({"changed": changed, "ok": 1}, ()), host.outcome(gone, failed)
-            here[name] = HostRun(name, playbook, started, stays, changed).as_dict()
-            lost[name] = HostRun(name, playbook, started, left, changed, host.failed_task).as_dict()
-        return Noted(playbook, started, here, lost)
+            of_run = name, self.playbook, self.started
+            here[name] = HostRun(*of_run, stays, changed).as_dict()
+            lost[name] = HostRun(*of_run, left, changed, host.failed_task).as_dict()
+        return Noted(self.playbook, self.started, here, lost)
 
     def _stages(self) -> list[Data]:
         stages: dict[str, float] = {}

@@ -41,7 +41,8 @@ def known(*here: str, **facts: Any) -> dict[str, Any]:
 
 def noted() -> None:
     """What the callback writes down: edge1 was changed, robot1 was busy, 2 failed, 3 went away, 4 was rescued."""
-    report = RunReport()
+    report = RunReport(started="2026-11-22T06:00:00Z")
+    report.playbook = "update.yml"
     report.play("Robots", [host for group in GROUPS.values() for host in group], 0)
     report.task("t", Task("Apply", "rosops.fleet._robot_update"), 0)
     report.ok("t", "edge1", {"changed": True}, 1)
@@ -49,7 +50,7 @@ def noted() -> None:
     report.failed("t", "robot2", {"msg": "no space"}, 1)
     report.unreachable("t", "robot3", {"msg": "timed out"}, 1)
     report.failed("t", "robot4", {"msg": "once more"}, 1)
-    note_run(report.so_far("update.yml", "2026-11-22T06:00:00Z"))
+    note_run(report.so_far())
 
 
 def kept(server: Server) -> dict[str, Any]:
