@@ -39,10 +39,7 @@ def sandbox() -> list[str]:
 class Chromium:
     """One browser with one tab. `console`, `exceptions` and `requests` are what the pages did since the last `open`."""
 
-    def __init__(self, profile: Path) -> None:
-        program = found()
-        if program is None:
-            raise FileNotFoundError(HOW_TO_INSTALL)
+    def __init__(self, program: str, profile: Path) -> None:
         command_read, self._commands = os.pipe()
         self._answers, answer_write = os.pipe()
         self._log = (profile.parent / "chromium.log").open("wb")
@@ -61,8 +58,7 @@ class Chromium:
         self._attach()
 
     def _attach(self) -> None:
-        pages = [one for one in self.ask("Target.getTargets")["targetInfos"] if one["type"] == "page"]
-        target = pages[0]["targetId"] if pages else self.ask("Target.createTarget", url="about:blank")["targetId"]
+        target = self.ask("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.ask(f"{domain}.enable")

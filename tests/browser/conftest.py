@@ -18,16 +18,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import chromium  # noqa: E402 - beside this file, whose directory the line above names
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    if chromium.found() is None:
-        for item in items:
-            if Path(__file__).parent in item.path.parents:
-                item.add_marker(pytest.mark.skip(reason=chromium.HOW_TO_INSTALL))
-
-
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    made = chromium.Chromium(tmp_path_factory.mktemp("chromium") / "profile")
+    program = chromium.found()
+    if program is None:
+        pytest.skip(chromium.HOW_TO_INSTALL)
+    made = chromium.Chromium(program, tmp_path_factory.mktemp("chromium") / "profile")
     try:
         yield made
     finally:

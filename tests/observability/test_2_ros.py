@@ -23,14 +23,12 @@ def test_rate_is_the_publishers_own(fleet: Watched, robot: str) -> None:
     counted = f'ros_topic_messages_total{{{labels},topic="{TOPIC}",direction="out"}}'
     looked = f"ros_exporter_last_poll_timestamp_seconds{{{labels}}}"
 
-    def scrapes() -> tuple[int, int]:
-        return tuple(  # type: ignore[return-value]
-            sum(len(one["values"]) for one in fleet.prometheus.samples(what, begin, time.time()))
-            for what in (counted, looked)
-        )
+    def scrapes() -> int:
+        found = (fleet.prometheus.samples(what, begin, time.time()) for what in (counted, looked))
+        return min(sum(len(one["values"]) for one in series) for series in found)
 
     wanted = SECONDS / INTERVAL
-    wait_until(scrapes, lambda found: min(found) >= wanted, SECONDS + 60, f"{wanted:.0f} scrapes of {robot}", pause=2)
+    wait_until(scrapes, lambda found: found >= wanted, SECONDS + 60, f"{wanted:.0f} scrapes of {robot}", pause=2)
     end = time.time()
     [messages] = fleet.prometheus.samples(counted, begin, end)
     [looks] = fleet.prometheus.samples(looked, begin, end)

@@ -11,7 +11,7 @@ from typing import Any
 
 import gaps
 import memory
-from cluster import Hosts
+from cluster import Hosts, there
 from kubernetes import client, config
 from runs import Playbooks, Run, wait_until
 from watchers import Loki, Prometheus
@@ -91,13 +91,8 @@ class Watched:
 
     def record(self, robot: str) -> str:
         """What the robot's record of updates holds; empty without one."""
-        try:
-            found = self.core(robot).read_namespaced_config_map(RECORD, f"robot-{robot}")
-        except client.ApiException as error:
-            if error.status == 404:
-                return ""
-            raise
-        return str((found.data or {}).get("updates.json", ""))
+        found = there(lambda: self.core(robot).read_namespaced_config_map(RECORD, f"robot-{robot}"))
+        return str(((found and found.data) or {}).get("updates.json", ""))
 
     def write_record(self, robot: str, text: str) -> None:
         """In place of what it holds; without text it goes."""
@@ -106,11 +101,7 @@ class Watched:
             core.delete_namespaced_config_map(RECORD, namespace)
             return
         body = {"metadata": {"name": RECORD}, "data": {"updates.json": text}}
-        try:
-            core.patch_namespaced_config_map(RECORD, namespace, body)
-        except client.ApiException as error:
-            if error.status != 404:
-                raise
+        if there(lambda: core.patch_namespaced_config_map(RECORD, namespace, body)) is None:
             core.create_namespaced_config_map(namespace, body)
 
     def counted(self, robot: str, since: float) -> dict[str, gaps.Numbers]:

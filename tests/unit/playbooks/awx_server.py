@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """As much of AWX's REST API as the modules of awx.awx ask for: objects by kind, and what they are associated with.
 
+Nothing that is there is changed (PATCH): a run that tries it fails.
 What AWX 24.6.1 refuses is refused here in its words: `refusal`.
 """
 
@@ -14,10 +15,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qsl, urlparse
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import PLAYBOOKS
+
 Object = dict[str, Any]
 TEMPLATES = ("job_templates", "projects", "inventory_sources", "workflow_job_templates")  # approvals are not listed
 OWN = {"page_size", "order_by", "type"}
-FILES = ("site.yml", "update.yml", "rollback.yml", "status.yml", "guarded.yml", "validate.yml")  # as rosops.fleet.new
 ROLES = {
     "job_templates": ("admin", "execute", "read"),
     "workflow_job_templates": ("admin", "execute", "read", "approval"),
@@ -36,7 +38,6 @@ class Awx(ThreadingHTTPServer):
         self.associated: dict[str, list[int]] = {}
         self.surveys: dict[str, Any] = {}
         self.writes: list[str] = []
-        self.files: tuple[str, ...] = FILES  # playbooks in the project's repository
         self.syncs = True  # whether a project's sync ends well
         self._numbers = 0
         for name in ("Machine", "Vault"):
@@ -70,7 +71,7 @@ class Awx(ThreadingHTTPServer):
     def sync(self, project: Object) -> Object:
         """A project's job, which has ended."""
         if self.syncs:
-            project["files"], project["scm_revision"] = self.files, str(hash(self.files))
+            project["files"], project["scm_revision"] = PLAYBOOKS, "the only one"
         ended = {"failed": not self.syncs, "status": "successful" if self.syncs else "failed", "finished": "now"}
         return self.add("project_updates", {**ended, "scm_revision": project["scm_revision"]})
 
@@ -147,8 +148,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         place, query, _body = self._asked()
-        if place == ["api"]:
-            return self._send(200, {"current_version": "/api/v2/"})
         if len(place) == 1:
             return self._list(self.server.find(place[0], query))
         if len(place) == 2:
@@ -180,17 +179,6 @@ class _Handler(BaseHTTPRequestHandler):
         there = self.server.associated.setdefault("/".join(place), [])
         there.remove(body["id"]) if body.get("disassociate") else there.append(body["id"])
         return self._send(204, None)
-
-    def do_PATCH(self) -> None:
-        place, _query, body = self._asked()
-        self.server.writes.append(f"PATCH {self.path}")
-        one = self._one(place)
-        wrong = self.server.refusal(place[0], {**one, **body})
-        if wrong:
-            return self._send(400, wrong)
-        kept = APPROVAL if place[0] == "workflow_approval_templates" else body
-        one.update({name: body[name] for name in kept if name in body})
-        return self._send(200, one)
 
     def _one(self, place: list[str]) -> Object:
         return next(one for one in self.server.objects[place[0]] if str(one["id"]) == place[1])

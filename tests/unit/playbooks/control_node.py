@@ -100,14 +100,6 @@ class Control:
         self.write("hosts.yml", yaml.safe_dump({"all": {"vars": variables, "children": children}}))
         self.write("play.yml", PLAYBOOK)
 
-    def plays(self, playbook: str) -> None:
-        """Take one of the collection's own, on robots with an app."""
-        self.write("play.yml", f"- import_playbook: rosops.fleet.{playbook}\n")
-        inventory = yaml.safe_load((self.folder / "hosts.yml").read_text())
-        apps = [{"name": "talker", "image": "talker:1", "command": ["talk"]}]
-        inventory["all"]["vars"]["ros_apps"] = apps
-        self.write("hosts.yml", yaml.safe_dump(inventory))
-
     def write(self, name: str, text: str, mode: int = 0o644) -> None:
         (self.folder / name).write_text(text)
         (self.folder / name).chmod(mode)

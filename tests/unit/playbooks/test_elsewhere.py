@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import Run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 EDGES = ("192.0.2.1", "192.0.2.2", "192.0.2.3")
@@ -64,17 +65,15 @@ def test_an_api_server_that_restarts_fails_no_robot(server: Server, control: Con
 
 def test_another_control_node_sees_what_became_of_a_run(server: Server, control: Control, tmp_path: Path) -> None:
     server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
-    control.plays("rollback")
-    done = control.run("--limit", "robot1", ANSIBLE_SHOW_CUSTOM_STATS="1")
-    assert done.returncode == 0
-    word = re.search(r"RUN: fleet_outcomes: robot1: outcome: (\w+)", " ".join(done.stdout.split()))
-    assert word, done.stdout
+    done = Run(control, "robot1", playbook="rollback", environ={"ANSIBLE_SHOW_CUSTOM_STATS": "1"})
+    assert done.status == 0
+    word = re.search(r"RUN: fleet_outcomes: robot1: outcome: (\w+)", " ".join(done.output.split()))
+    assert word, done.output
     (tmp_path / "other").mkdir()
     other = Control(tmp_path / "other", server)
-    other.plays("status")
-    seen = other.run("-v", "--limit", "robot1")
-    assert seen.returncode == 0
-    assert re.search(rf"LAST OUTCOMES\n.*\n  robot1 +{word[1]} +play.yml +20", seen.stdout)
+    seen = Run(other, "robot1", "-v", playbook="status")
+    assert seen.status == 0
+    assert re.search(rf"LAST OUTCOMES\n.*\n  robot1 +{word[1]} +play.yml +20", seen.output)
     # the robot is looked at, for its graph and its images, and then its cluster's server, for access
     assert [host for host in other.asked if host != "192.0.2.11"] == ["192.0.2.1", "192.0.2.2"]
     assert (control.left(), other.left()) == ([], [])

@@ -94,16 +94,8 @@ def run(
         "journal": str(base / "journal"), "survivors": str(base / "survivors"),
         "ansible_host": "127.0.0.1", **more,
     }  # fmt: skip
-    inventory = {
-        "all": {
-            "vars": common,
-            "children": {
-                "edge": {"hosts": {name: hosts[name] for name in SERVERS}},
-                "robots": {"hosts": {name: hosts[name] for name in ROBOTS}},
-            },
-        }
-    }
-    (base / "hosts.yml").write_text(yaml.safe_dump(inventory))
+    children = {group: {"hosts": {name: hosts[name] for name in names}} for group, names in GROUPS.items()}
+    (base / "hosts.yml").write_text(yaml.safe_dump({"all": {"vars": common, "children": children}}))
     environ = {
         "ANSIBLE_COLLECTIONS_PATH": str(base / "collections"), "ANSIBLE_CONFIG": str(base / "ansible.cfg"),
         "ANSIBLE_FORKS": "6", "ANSIBLE_TIMEOUT": "3",

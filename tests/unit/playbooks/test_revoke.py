@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.revocation import refusal_of
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import Run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 NODE, SYSTEM, SPACE = "/api/v1/nodes/robot2", "/api/v1/namespaces/kube-system", "/api/v1/namespaces/robot-robot2"
@@ -30,27 +30,29 @@ def stolen(control: Control, server: Server, monkeypatch: pytest.MonkeyPatch) ->
         return real(method, path, query, body, content)
 
     monkeypatch.setattr(server, "write", write)
-    control.plays("revoke")
     return control
 
 
+def revoke(control: Control, *arguments: str, **said: str) -> Run:
+    return Run(control, "all", *arguments, playbook="revoke", **said)
+
+
 def test_a_robot_is_named_and_not_asked(stolen: Control, server: Server) -> None:
-    unnamed = stolen.run()
-    assert unnamed.returncode == 2
-    assert "Name one robot of the inventory: -e robot=robot2" in unnamed.stdout
+    unnamed = revoke(stolen)
+    assert unnamed.status == 2
+    assert "Name one robot of the inventory: -e robot=robot2" in unnamed.output
     assert not stolen.asked
-    looked = stolen.run("-e", "robot=robot2", "--check")
-    assert looked.returncode == 0
-    assert "Secret robot-robot2/cloud" in looked.stdout
+    looked = revoke(stolen, "--check", robot="robot2")
+    assert looked.status == 0
+    assert "Secret robot-robot2/cloud" in looked.output
     assert server.find(NODE)
-    done = stolen.run("-e", "robot=robot2", "--diff")
-    assert (done.returncode, server.find(NODE)) == (0, None)
-    assert "very-secret" not in done.stdout
-    assert "dmVyeS1zZWNyZXQ=" not in done.stdout
+    done = revoke(stolen, "--diff", robot="robot2")
+    assert (done.status, server.find(NODE)) == (0, None)
+    assert "very-secret" not in done.output
+    assert "dmVyeS1zZWNyZXQ=" not in done.output
     assert {one for one in stolen.asked if one.startswith("192.0.2.1")} <= {"192.0.2.1"}  # edge1, which is off
-    told = {one["host"]: one for one in json.loads((stolen.folder / "report.json").read_text())["hosts"]}
-    assert (told["robot2"]["outcome"], told["robot1"]["outcome"]) == ("updated", "unchanged")
-    assert "Secret robot-robot2/cloud" in told["robot2"]["reason"]
-    again = stolen.run("-e", "robot=robot2", "-e", "k3s_enrol=robot3,robot4")
-    assert again.returncode == 0
-    assert "changed=0" in again.stdout.rpartition("PLAY RECAP")[2].partition("robot2")[2]
+    assert (done.outcome("robot2")[0], done.outcome("robot1")[0]) == ("updated", "unchanged")
+    assert "Secret robot-robot2/cloud" in done.outcome("robot2")[1]
+    again = revoke(stolen, robot="robot2", k3s_enrol="robot3,robot4")
+    assert again.status == 0
+    assert "changed=0" in again.output.rpartition("PLAY RECAP")[2].partition("robot2")[2]
