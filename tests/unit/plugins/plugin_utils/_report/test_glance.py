@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_level, hosts_off, level
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_level, level
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import host_columns
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import some
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import grid
@@ -51,12 +51,6 @@ HALF = {"bound": True, "size": "1Ki", "used_bytes": 512}
 )
 def test_how_good_a_row_is(section: str, row: dict[str, Any], expected: str) -> None:
     assert level(*status(**{section: [row]}).rows(section)) == expected
-
-
-def test_what_goes_with_a_robot_that_is_off_is_no_worse_than_the_robot() -> None:
-    apps = [app("robot1"), app("robot2"), app("robot2", nodes=["edge1"])]
-    found = status(hosts=[UP, OFF], apps=apps)
-    assert [level(row, hosts_off(found)) for row in found.apps] == ["bad", "warn", "bad"]
 
 
 def test_what_is_unknown_is_not_green() -> None:
