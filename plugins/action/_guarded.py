@@ -15,7 +15,7 @@ from ..plugin_utils._action.aside import Turns, begin, come_back
 from ..plugin_utils._action.gated import HostAction
 from ..plugin_utils._action.variables import OF_EVERY_CHANGE
 from ..plugin_utils._model.fleet import Fleet
-from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
+from ..plugin_utils._model.outcomes import UPDATED
 from ..plugin_utils._update.change import NOTHING, word_of
 from ..plugin_utils._update.host_change import HostChange, Work
 from ..plugin_utils._update.outcome import WAITING, RobotOutcome
@@ -59,7 +59,7 @@ class ActionModule(HostAction):
         else:
             refusal = self.outcome(ledger, variables["update_failure_budget"], known, lambda: None)
             if refusal:
-                return {"changed": False, "outcome": refusal.as_dict(), "msg": f"{UNCHANGED}: {refusal.reason}"}
+                return {"changed": False, "outcome": refusal.as_dict(), "msg": f"{refusal.outcome}: {refusal.reason}"}
             before = ledger.last(name)
             told = begin(lambda turns: self._guarded(turns, params, variables, known, before))
         if "error" in told:

@@ -99,8 +99,7 @@ class K3sChange(K3sHost):
             self.must("systemctl", "stop", self.service)
         for name, existed in record.files.items():
             if existed:
-                self._link(name + PREVIOUS, name + NEXT)
-                self.path(name + NEXT).replace(self.path(name))
+                self._link(name + PREVIOUS, name)
             else:
                 self.path(name).unlink(missing_ok=True)
         try:

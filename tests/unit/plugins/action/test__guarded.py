@@ -22,3 +22,10 @@ def test_a_host_that_is_off_is_deferred(monkeypatch: pytest.MonkeyPatch) -> None
     ended = run(_guarded, {}, {"guarded_tasks": "/srv/reboot.yml", **fleet_of(robot())})
     assert ended["outcome"]["outcome"] == "deferred-offline"
     assert "nothing was touched" in ended["outcome"]["reason"]
+
+
+def test_what_is_said_is_the_outcome() -> None:
+    wrong = {"guarded_tasks": "/srv/reboot.yml", "update_failure_budget": "many", **fleet_of(robot())}
+    ended = run(_guarded, {}, wrong)
+    assert ended["outcome"]["outcome"] == "failed"
+    assert ended["msg"].startswith("failed: nothing was touched: ")

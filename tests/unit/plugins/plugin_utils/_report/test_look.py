@@ -346,6 +346,8 @@ def test_keepers_read_what_they_can_and_the_rest_is_left_for_the_hosts() -> None
     assert look.read_by_keepers(graphs, hosts, {"edge": opened("none"), "lone": lambda: keepers}) == {
         "lone": {"failed": True, "msg": "no master"}
     }
+    # all hosts of the other cluster are off: it was not opened, and a robot of it may have a master elsewhere
+    assert look.read_by_keepers(graphs, hosts, {"edge": lambda: keepers}) == {"robot1": {"graph": {}}}
 
 
 def test_what_volumes_hold() -> None:
