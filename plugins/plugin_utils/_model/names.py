@@ -55,11 +55,6 @@ def claim_name(volume: str) -> str:
     return f"{volume}-pvc"
 
 
-def files_name(app: str, revision: str) -> str:
-    """The ConfigMap of an app's files with this content."""
-    return f"{app}-files-{revision}"
-
-
 def default_mount_path(volume: str) -> str:
     """Where a volume is mounted if nothing is said, as in the dissertation."""
     return f"/mnt/data/{volume}"

@@ -99,7 +99,7 @@ def plain_deployment(app: App, robot: Robot) -> Object:
     )
     strategy = OVERLAP_STRATEGY if app.handoff == "overlap" else RECREATE_STRATEGY
     namespace, owner = context.namespace_of(app, robot), owner_of(app, robot)
-    return workload(app.name, namespace, owner, spec, strategy=strategy, annotations=notes)
+    return workload(app.name, namespace, owner, spec, notes, strategy)
 
 
 def _container(app: App, robot: Robot) -> Object:

@@ -29,12 +29,8 @@ def file_volumes(app: App) -> Iterable[tuple[Object, Object]]:
     for number, item in enumerate(app.files):
         name = f"file-{number}"
         at = {"items": [{"key": item.key or name, "path": name}], "defaultMode": int(item.mode, 8)}
-        source = (
-            {"secret": {"secretName": item.secret, **at}}
-            if item.secret
-            else {"configMap": {"name": _map_name(app), **at}}
-        )
-        yield {"name": name, **source}, {**mount(name, item.path, read_only=True), "subPath": name}
+        kind, held = ("secret", {"secretName": item.secret}) if item.secret else ("configMap", {"name": _map_name(app)})
+        yield {"name": name, kind: {**held, **at}}, {**mount(name, item.path, read_only=True), "subPath": name}
 
 
 def container_ports(app: App) -> list[Object]:
@@ -61,7 +57,7 @@ def _content(app: App) -> dict[str, str]:
 
 
 def _map_name(app: App) -> str:
-    return names.files_name(app.name, canonical_hash(_content(app))[:DIGITS])
+    return f"{app.name}-files-{canonical_hash(_content(app))[:DIGITS]}"
 
 
 def _service(app: App, robot: Robot) -> Object:

@@ -9,6 +9,7 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ...module_utils._common.documents import Variables
 from ...module_utils._step.objects import Object
 from .._model import names
 
@@ -60,7 +61,7 @@ def config_map(name: str, namespace: str, labels: Mapping[str, str], files: File
     return made("v1", "ConfigMap", name, namespace, labels, data=data, **({"binaryData": packed} if packed else {}))
 
 
-def cluster_service(name: str, namespace: str, robot: str | None, port: int, address: str | None = None) -> Object:
+def cluster_service(of: Object, port: int, address: str | None) -> Object:
     """The Service in front of a workload's XML-RPC port. One with an address that pods know has it for ever.
 
     A pod that is not ready stays in it: the kubelet takes for not ready whatever it probes while k3s starts again
@@ -71,10 +72,10 @@ def cluster_service(name: str, namespace: str, robot: str | None, port: int, add
         "type": "ClusterIP",
         **({"clusterIP": address} if address else {}),
         "publishNotReadyAddresses": True,
-        "selector": pod_selector(name),
+        "selector": pod_selector(of["metadata"]["name"]),
         "ports": [{"name": "xmlrpc", "port": port, "targetPort": port, "protocol": "TCP"}],
     }
-    return made("v1", "Service", name, namespace, object_labels(name, robot), spec=spec)
+    return made("v1", "Service", **of["metadata"], spec=spec)
 
 
 def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
@@ -82,30 +83,19 @@ def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
     namespace: str,
     robot: str | None,
     pod: Object,
-    *,
+    notes: Variables,
+    strategy: Object = RECREATE_STRATEGY,
     kind: str = "Deployment",
-    strategy: Object | None = None,
-    annotations: Mapping[str, str] | None = None,
 ) -> Object:
-    """The Deployment (or DaemonSet) of one pod, without hashes; `annotations` are the pod's.
-
-    Without a strategy the old pod goes before the new one comes.
-    """
-    how = dict(RECREATE_STRATEGY if strategy is None else strategy)
+    """The Deployment (or DaemonSet) of one pod, without hashes; `notes` are the pod's annotations."""
+    labels, noted = object_labels(name, robot), {"annotations": {**notes}} if notes else {}
     spec: Object = {"revisionHistoryLimit": REVISION_HISTORY, "selector": {"matchLabels": pod_selector(name)}}
     if kind == "Deployment":
-        spec |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": how}
+        spec |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": {**strategy}}
     else:
-        spec["updateStrategy"] = how
-    notes = {"annotations": dict(annotations)} if annotations else {}
-    spec["template"] = {"metadata": {"labels": object_labels(name, robot), **notes}, "spec": dict(pod)}
-    return made("apps/v1", kind, name, namespace, object_labels(name, robot), spec=spec)
-
-
-def hashed(deployment: Object) -> Object:
-    """The Deployment with its pod template's hash in the template, and that of all of it in its own annotations."""
-    annotate(deployment["spec"]["template"])
-    return annotate(deployment)
+        spec["updateStrategy"] = {**strategy}
+    spec["template"] = {"metadata": {"labels": labels, **noted}, "spec": pod}
+    return made("apps/v1", kind, name, namespace, labels, spec=spec)
 
 
 def annotate(item: Object) -> Object:

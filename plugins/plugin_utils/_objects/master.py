@@ -24,10 +24,10 @@ from .common import (
     FOR_EVER,
     ONE_HEAP,
     PRIORITY,
+    annotate,
     cluster_service,
     field_variable,
     harden,
-    hashed,
     mount,
     pod_spec,
     variable,
@@ -77,10 +77,7 @@ def master_objects(robot: Robot) -> list[Object]:
 
 
 def ros_core_objects(robot: Robot) -> list[Object]:
-    """Deployment and Service `ros-master`, in the robot's namespace or in `fleet`; nothing where there is none of ours.
-
-    The overrides are the master's alone.
-    """
+    """Deployment and Service `ros-master`, in the robot's namespace or in `fleet`; nothing where none of ours is."""
     if not robot.master.ours:
         return []
     return _served(robot, plain_master(robot), robot.master.overrides, names.MASTER_PORT)
@@ -106,7 +103,7 @@ def plain_master(robot: Robot) -> Object:
         # registration, which is worse than a slow answer.
         "lifecycle": {"postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}}},
     }
-    return _with_the_master(robot, names.MASTER_NAME, container, terminationGracePeriodSeconds=30)
+    return _with_the_master(robot, names.MASTER_NAME, container, [], {}, terminationGracePeriodSeconds=30)
 
 
 def plain_keeper(robot: Robot) -> Object:
@@ -117,7 +114,7 @@ def plain_keeper(robot: Robot) -> Object:
     volumes = [code_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}]
     mounts = [CODE_MOUNT, mount(RECORD_VOLUME, RECORD_DIR)]
     # asked of its server, which answers while its look at the master goes on: no process, next to no CPU
-    probe = _asked("/ready")
+    probe = {"httpGet": {"path": "/ready", "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
     container: Object = {
         "name": names.KEEPER_NAME,
         "image": robot.master.image,
@@ -152,25 +149,17 @@ def plain_keeper(robot: Robot) -> Object:
     return _with_the_master(robot, names.KEEPER_NAME, container, volumes, notes, **pod)
 
 
-def _asked(path: str) -> Object:
-    return {"httpGet": {"path": path, "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
-
-
 def _capacities(robot: Robot) -> dict[str, int]:
     """Bytes that each claim asks for, of those that the keeper looks at; one of a shared master sees none."""
-    if context.master_owner(robot) is None or robot.pod_security in CLOSED or not robot.observability.sees_graph:
+    seen = robot.observability.enabled and robot.observability.ros_metrics
+    if context.master_owner(robot) is None or robot.pod_security in CLOSED or not seen:
         return {}
     sizes = {names.claim_name(claim.name): quantity_value(str(claim.size)) for claim in robot.volumes}
     return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
 
 
 def _with_the_master(
-    robot: Robot,
-    name: str,
-    container: Object,
-    volumes: Sequence[Object] = (),
-    notes: Variables | None = None,
-    **pod: Any,
+    robot: Robot, name: str, container: Object, volumes: Sequence[Object], notes: Variables, **pod: Any
 ) -> Object:
     """The Deployment of a pod that is where the robot's ROS master is.
 
@@ -180,7 +169,8 @@ def _with_the_master(
     where = node_selector(robot.master.placement, robot.name, name in robot.old_labels)
     pod |= {} if robot.master.mode == "external" else {"priorityClassName": PRIORITY}
     spec = pod_spec([container], volumes, robot.pull_secrets, nodeSelector=where, **pod)
-    return workload(name, context.master_namespace(robot), context.master_owner(robot), spec, annotations=notes)
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    return workload(name, namespace, owner, spec, notes)
 
 
 def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
@@ -188,11 +178,12 @@ def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> lis
 
     Our own code gets no more of its host than it asks for.
     """
-    deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
+    deployment = deep_merge(plain, overrides)
     ours = {container["name"] for container in plain["spec"]["template"]["spec"]["containers"]}
     pod = deployment["spec"]["template"]["spec"]
     for container in pod["containers"]:
         if container["name"] in ours:
             harden(container, ALL, pod)
-    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    return [hashed(deployment), cluster_service(name, namespace, owner, port, robot.master.addresses.get(name))]
+    annotate(deployment["spec"]["template"])
+    service = cluster_service(plain, port, robot.master.addresses.get(plain["metadata"]["name"]))
+    return [annotate(deployment), service]

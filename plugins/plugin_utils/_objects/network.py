@@ -12,10 +12,11 @@ learns a new one's address a moment after its process has begun, and what is ref
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
 from itertools import islice
+from typing import Any
 from urllib.parse import urlsplit
 
 from ...module_utils._step.objects import Object
@@ -49,7 +50,7 @@ def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
     """What a robot needs of them. Those of the fleet are the same from every robot, but for what it admits itself."""
     shared, labels = needs_fleet_namespace(robot), owner_labels(robot.name)
     # an external master calls the nodes that are registered with it
-    admitted = [*robot.admits, *_addresses([urlsplit(robot.master.uri).hostname or ""])]
+    admitted = [*robot.admits, *_networks([urlsplit(robot.master.uri).hostname or ""], ip_address)]
     fleet = [_namespace(names.FLEET_NAMESPACE)] if shared else []
     at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
     sources = [SAME, *fleet, *blocks([*hosts.own, *(_alone(hosts.edge) if at_edge else ()), *admitted])]
@@ -106,26 +107,21 @@ def _scraped(app: App, robot: Robot) -> list[int]:
 def host_networks(node: Object) -> list[str]:
     """The node's addresses and its pods' networks, as far as it says what can be read."""
     told = (node.get("status") or {}).get("addresses") or ()
-    found = _addresses(str(one.get("address")) for one in told if one.get("type") == "InternalIP")
-    for text in (node.get("spec") or {}).get("podCIDRs") or ():
-        with contextlib.suppress(ValueError):
-            found.append(str(ip_network(text)))
-    return found
+    own = (str(one.get("address")) for one in told if one.get("type") == "InternalIP")
+    return [*_networks(own, ip_address), *_networks((node.get("spec") or {}).get("podCIDRs") or ())]
 
 
-def _addresses(texts: Iterable[str]) -> list[str]:
-    """Those that are addresses, each as a network."""
-    found: list[str] = []
+def _networks(texts: Iterable[str], parse: Callable[[str], Any] = str) -> Iterator[str]:
+    """Those that can be parsed, each as a network."""
     for text in texts:
         with contextlib.suppress(ValueError):
-            found.append(str(ip_network(ip_address(text))))
-    return found
+            yield str(ip_network(parse(text)))
 
 
-def _alone(networks: Iterable[str]) -> list[str]:
+def _alone(networks: Iterable[str]) -> Iterator[str]:
     """Hosts without their pods, by whose networks hosts send, too: flannel's device has the first address, the bridge
     the second."""
-    return _addresses(str(one) for network in networks for one in islice(ip_network(network), 2))
+    return _networks(str(one) for network in networks for one in islice(ip_network(network), 2))
 
 
 # --- the parts of a policy --------------------------------------------------------------------------------------------

@@ -77,16 +77,13 @@ def workload_objects(robot: Robot, parts: Collection[str]) -> list[Object]:
     return [*made, *(app_objects(robot) if APPS in parts else [])]
 
 
-def images(robot: Robot, placement: str | None = None) -> list[str]:
-    """The images of the robot's master and apps, sorted; with `placement` those of local or of remote pods only."""
-    found: set[str] = set()
-    for item in [*master_objects(robot), *app_objects(robot)]:
-        pod = item["spec"]["template"]["spec"] if item["kind"] == "Deployment" else {}
-        where = "local" if is_placed(pod, "local") else "remote"
-        if placement in (None, where):
-            containers = [*(pod.get("initContainers") or []), *(pod.get("containers") or [])]
-            found.update(container["image"] for container in containers if container.get("image"))
-    return sorted(found)
+def images(robot: Robot, placement: str) -> list[str]:
+    """The images of the pods of the robot's master and apps that are placed so, sorted."""
+    made = [*master_objects(robot), *app_objects(robot)]
+    pods = [item["spec"]["template"]["spec"] for item in made if item["kind"] == "Deployment"]
+    placed = [pod for pod in pods if is_placed(pod, "local") == (placement == "local")]
+    containers = [one for pod in placed for one in (*(pod.get("initContainers") or ()), *pod["containers"])]
+    return sorted({one["image"] for one in containers if one.get("image")})
 
 
 def graph_conditions(robot: Robot) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def rest_maps(robot: Robot) -> list[Object]:
     """The ConfigMap `robot-rest`."""
     of_all = context.wanted_before(robot)
     apps = {
-        app.name: {"when": context.wanted_before(robot, [app])[len(of_all) :], "idle": _idle(app, robot)}
+        app.name: {"when": context.wanted_before(robot, [app])[len(of_all) :], "idle": resting(app, robot)}
         for app in robot.apps
         if app.scope == "robot"  # nobody holds what is the whole fleet's by one robot
     }
@@ -99,8 +99,8 @@ def rest_maps(robot: Robot) -> list[Object]:
     return [config_map(REST, robot.namespace, owner_labels(robot.name), data)]
 
 
-def _idle(app: App, robot: Robot) -> list[str]:
-    """Actions that have to be idle beside those that the graph shows its nodes to serve."""
+def resting(app: App, robot: Robot) -> list[str]:
+    """Actions that have to be idle by the app's word, beside those that the graph shows its nodes to serve."""
     served = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
     space, node = context.graph_namespace(app, robot), context.graph_node(app, robot)
     return [resolve(name, space, node) for name in (*served, *app.update.idle)]

@@ -237,5 +237,5 @@ def _workload(name: str, spec: Spec, pod: Object, configured: Any) -> Object:
     else:
         pod["nodeSelector"] = node_selector("local" if spec["robot"] else "remote", spec["robot"])
     notes = {ANNOTATION_CONFIG: common.canonical_hash(configured)}
-    item = common.workload(name, NAMESPACE, spec["robot"] or None, pod, kind=kind, strategy=strategy, annotations=notes)
+    item = common.workload(name, NAMESPACE, spec["robot"] or None, pod, notes, strategy, kind)
     return annotate(deep_merge(item, spec["overrides"].get(name) or {}))

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import SpecError
 from ...module_utils._ros.contract import Intended
-from ...module_utils._ros.names import resolve
 from ...module_utils._step.objects import app_of, handoff_of, has_gate, hash_of, labels_of, name_of, node_of
 from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
 from .._model import context, names
@@ -26,6 +25,7 @@ from .._objects.network import network_policies
 from .._objects.parts import APPS, PARTS, POLICED, graph_conditions
 from .._objects.parts import MASTER as MASTER_PART
 from .._objects.placement import CHOOSES
+from .._objects.pod_settings import resting
 from .addresses import NAMES, SERVING
 from .nodes import Launched, intended, launched
 from .revisions import Key, deployments_of, described, files_owner, identity, kept, key_of, working
@@ -269,12 +269,7 @@ class _Robot:
 
     def _rest(self, apps: Iterable[App]) -> list[str]:
         """Full names of the actions that have to rest by these apps' word, each once."""
-        found: list[str] = []
-        for app in apps:
-            served = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
-            space, node = context.graph_namespace(app, self.robot), context.graph_node(app, self.robot)
-            found += [resolve(name, space, node) for name in [*served, *app.update.idle]]
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(name for app in apps for name in resting(app, self.robot)))
 
 
 def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:

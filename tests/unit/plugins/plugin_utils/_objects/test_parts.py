@@ -63,7 +63,7 @@ def test_every_part_has_its_own_and_says_where_it_lives() -> None:
     assert kinds(ground_objects(external, ["master"], [], {})) == [*ground["master"], *beside]
     assert kinds(ground_objects(external, ["apps"], [], {})) == ground["apps"]
     assert workload_objects(external, PARTS) == []
-    assert images(external) == ["ros:noetic-ros-core"]
+    assert images(external, "local") == ["ros:noetic-ros-core"]
     assert kinds(workload_objects(MADE, ["apps", "storage"])) == ["Deployment talker"]
     assert "Deployment ros-master" in kinds(workload_objects(MADE, ["master"]))
     made = [*ground_objects(MADE, PARTS, [SECRET], {}), *workload_objects(MADE, PARTS)]

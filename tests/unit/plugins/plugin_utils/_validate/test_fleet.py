@@ -227,7 +227,7 @@ def test_mutated_cases_are_refused_or_can_be_built() -> None:
                 accepted += 1
                 made = Robot.from_variables(variables, robot)
                 graph_conditions(made)
-                images(made)
+                images(made, "remote")
                 makers = (namespace_objects, storage_objects, master_objects, app_objects)
                 objects = [item for objects_of in makers for item in objects_of(made)]
                 assert json.loads(json.dumps(objects)) == objects
