@@ -51,11 +51,6 @@ class Observability:
     enabled: bool = False
     ros_metrics: bool = True
 
-    @property
-    def sees_graph(self) -> bool:
-        """Whether the robot's graph is to be seen by its cluster's stack."""
-        return self.enabled and self.ros_metrics
-
 
 @dataclass(frozen=True)
 class Robot:

@@ -88,13 +88,8 @@ def moving_tag(image: str) -> bool:
 def clean_path(path: str) -> bool:
     """An absolute path that says what it means: no '..', no '.', no doubled slash, nothing that mounts split at."""
     parts = path.rstrip("/").split("/")[1:]
-    return (
-        path.startswith("/")
-        and bool(parts)
-        and not {"", ".", ".."} & set(parts)
-        and ":" not in path
-        and not _BLANK.search(path)
-    )
+    whole = path.startswith("/") and bool(parts) and not {"", ".", ".."} & {*parts}
+    return whole and ":" not in path and not _BLANK.search(path)
 
 
 def safe_host_path(path: str) -> bool:
