@@ -22,17 +22,18 @@ def made(app: str, update: str, arm: str, trial: int = 1, **values: Any) -> dict
     return record({**known, "step_s": 4.0, "busy_wait_s": 0.0, **values})
 
 
-def everything(**fleet: Any) -> list[dict[str, Any]]:
-    """Both arms as they should be; `fleet` changes the fleet arm's pub/sub."""
+def everything(changed: str = "", **values: Any) -> list[dict[str, Any]]:
+    """Both arms as they should be, but for values of an app in the fleet's arm."""
     answered = {"sent": 900, "failed": 0, "p95_before_ms": 10.0, "p95_run_ms": 10.9}
     took = {"completion_before_ms": 200.0, "completion_during_ms": 239.0}
     done = {"sent": 90, "aborted": 0, "lost": 0, "twice": 0, **took}
-    return [
+    items = [
         made("pubsub", "minor", "plain", **{**NOTHING_LOST, "lost": 8}),
-        made("pubsub", "minor", "fleet", **{**NOTHING_LOST, "step_s": 7.9, **fleet}),
+        made("pubsub", "minor", "fleet", **{**NOTHING_LOST, "step_s": 7.9}),
         *(made("service", "server", arm, **answered) for arm in ("plain", "fleet")),
         *(made("action", "server", arm, **done) for arm in ("plain", "fleet")),
     ]
+    return [{**item, **values} if (item["app"], item["arm"]) == (changed, "fleet") else item for item in items]
 
 
 @pytest.mark.parametrize("values", [{"app": "x"}, {"lots": 1}])
@@ -46,40 +47,30 @@ def test_all_bars_pass() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fleet", "limit", "word"),
+    ("app", "values", "limit", "word"),
     [
-        ({"lost": 1}, 1, MISS),
-        ({"lost": 1}, 4, MISS),
-        ({"lost": None}, 1, UNKNOWN),
-        ({"step_s": 8.1}, 4, MISS),
-        ({"step_s": 60.0, "busy_wait_s": 53.0}, 4, PASS),
-        ({"step_s": None}, 4, UNKNOWN),
-        ({"step_s": None}, 1, UNKNOWN),  # rolled back: that nothing was lost says nothing of the update
-        ({"step_s": None, "lost": 2}, 1, MISS),
-        ({"oldest_ms": 30.1}, 5, MISS),  # later than plain's
-        ({"oldest_ms": None}, 5, UNKNOWN),
-        ({"oldest_ms": 250.0, "stress": True}, 5, MISS),
-        ({"oldest_ms": 249.0, "stress": True}, 5, PASS),
+        ("pubsub", {"lost": 1}, 1, MISS),
+        ("pubsub", {"lost": 1}, 4, MISS),
+        ("pubsub", {"lost": None}, 1, UNKNOWN),
+        ("pubsub", {"step_s": 8.1}, 4, MISS),
+        ("pubsub", {"step_s": 60.0, "busy_wait_s": 53.0}, 4, PASS),
+        ("pubsub", {"step_s": None}, 4, UNKNOWN),
+        ("pubsub", {"step_s": None}, 1, UNKNOWN),  # rolled back: that nothing was lost says nothing of the update
+        ("pubsub", {"step_s": None, "lost": 2}, 1, MISS),
+        ("pubsub", {"oldest_ms": 30.1}, 5, MISS),  # later than plain's
+        ("pubsub", {"oldest_ms": None}, 5, UNKNOWN),
+        ("pubsub", {"oldest_ms": 250.0, "stress": True}, 5, MISS),
+        ("pubsub", {"oldest_ms": 249.0, "stress": True}, 5, PASS),
+        ("service", {"failed": 1}, 2, MISS),
+        ("service", {"p95_run_ms": 11.1}, 2, MISS),
+        ("action", {"aborted": 1}, 3, MISS),
+        ("action", {"lost": 1}, 3, MISS),
+        ("action", {"twice": 1}, 3, MISS),
+        ("action", {"completion_during_ms": 241.0}, 3, MISS),
     ],
 )
-def test_bars_of_messages(fleet: dict[str, Any], limit: int, word: str) -> None:
-    assert verdicts(judge(everything(**fleet)))[limit] == word
-
-
-@pytest.mark.parametrize(
-    ("app", "values", "limit"),
-    [
-        ("service", {"failed": 1}, 2),
-        ("service", {"p95_run_ms": 11.1}, 2),
-        ("action", {"aborted": 1}, 3),
-        ("action", {"lost": 1}, 3),
-        ("action", {"twice": 1}, 3),
-        ("action", {"completion_during_ms": 241.0}, 3),
-    ],
-)
-def test_bars_of_requests_and_goals(app: str, values: dict[str, Any], limit: int) -> None:
-    items = [{**item, **values} if item["app"] == app and item["arm"] == "fleet" else item for item in everything()]
-    assert verdicts(judge(items))[limit] == MISS
+def test_bars(app: str, values: dict[str, Any], limit: int, word: str) -> None:
+    assert verdicts(judge(everything(app, **values)))[limit] == word
 
 
 def test_one_bad_trial_of_many_misses() -> None:
@@ -156,5 +147,6 @@ def test_anything_but_one_whole_step_is_a_problem(found: dict[str, Any]) -> None
 
 
 def test_a_table_has_no_invented_zero() -> None:
-    row = next(row for row in tables(everything(lost=None)).splitlines() if "pubsub/minor" in row and "fleet" in row)
+    rows = tables(everything("pubsub", lost=None)).splitlines()
+    row = next(row for row in rows if "pubsub/minor" in row and "fleet" in row)
     assert [cell.strip() for cell in row.split("|")][7] == "-"
