@@ -234,10 +234,7 @@ def archived_instead(archives: Sequence[Variables], ref: str) -> list[str]:
 
 @functools.cache  # for a task, which has a process of its own
 def _read(path: str) -> dict[str, frozenset[str]] | None:
-    """The full names of its images, with their IDs, one per architecture; None where they are not seen.
-
-    Nor is what cannot be read, or only in a long time.
-    """
+    """The full names of its images, with their IDs, one per architecture; None where it takes too long, or fails."""
     try:
         place = Path(local_path(path))
         with place.open("rb") as file:

@@ -21,15 +21,12 @@ UNNAMED = "fleet"  # the name of a fleet whose inventory says no `fleet_name`
 
 @dataclass(frozen=True)
 class Fleet:
-    """Robots and hosts by their inventory names; `edge_nodes` are the edge hosts' names in their cluster.
-
-    `name` is the variable `fleet_name`, empty where the inventory does not say it.
-    """
+    """Robots and hosts by their inventory names; `edge_nodes` are the edge hosts' names in their cluster."""
 
     robots: Mapping[str, Robot]
     hosts: Mapping[str, ClusterPart]
     edge_nodes: tuple[str, ...]
-    name: str = ""
+    name: str = ""  # the variable `fleet_name`, where the inventory says it
 
     def as_dict(self) -> Result:
         """The fleet in mappings, lists and scalars."""

@@ -19,16 +19,13 @@ Groups = Mapping[str, Sequence[str]]  # Ansible's: hosts by the group's name
 
 @dataclass(frozen=True)
 class ClusterPart:
-    """One host's part: `server` or `agent` of a cluster, whose servers are these; `init` starts the cluster.
-
-    `node` is its name in the cluster.
-    """
+    """One host's part: `server` or `agent` of a cluster, whose servers are these; `init` starts the cluster."""
 
     role: str
     cluster: str
     servers: tuple[str, ...]
     init: bool
-    node: str
+    node: str  # its name in the cluster
 
 
 def fleet_topology(
@@ -69,10 +66,7 @@ def edge_servers(groups: Groups) -> list[str]:
 
 
 def address(host: str, hostvars: Mapping[str, Variables]) -> str:
-    """The host's address as it stands in a URL, an IPv6 one in brackets.
-
-    `k3s_node_ip` comes before `ansible_host`, and that before the host's name.
-    """
+    """The host's address as it stands in a URL, an IPv6 one in brackets."""
     if host not in hostvars:
         raise SpecError(f"{host} is no host of the inventory")
     known = hostvars[host]

@@ -43,16 +43,11 @@ ROSCORE = ["roscore", "-p", str(names.MASTER_PORT), "-t", "2", "-w", "16"]
 
 # Started means that the master answers its own API, not that its port is open. Standard library only, so that any ROS
 # image will do. getSystemState takes the lock that registrations take: a master that is stuck does not pass.
-PROBE = (
-    """
+PROBE = f"""\
 import socket, sys, xmlrpc.client
 socket.setdefaulttimeout(2)
-master = xmlrpc.client.ServerProxy("http://127.0.0.1:%d")
-sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("/rosops_probe")[0] == 1 else 1)
-""".strip()
-    % names.MASTER_PORT
-)
-
+master = xmlrpc.client.ServerProxy("http://127.0.0.1:{names.MASTER_PORT}")
+sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("/rosops_probe")[0] == 1 else 1)"""
 UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
 # Measured with ros_comm 1.15: 75 MB before a node has registered. No limits: a master does not choose whom it serves.
@@ -174,10 +169,7 @@ def _with_the_master(
 
 
 def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
-    """A Deployment with its overrides, and the Service in front of it.
-
-    Our own code gets no more of its host than it asks for.
-    """
+    """A Deployment with its overrides, and its Service. Our own code gets no more of its host than it asks for."""
     deployment = deep_merge(plain, overrides)
     ours = {container["name"] for container in plain["spec"]["template"]["spec"]["containers"]}
     pod = deployment["spec"]["template"]["spec"]

@@ -41,17 +41,14 @@ def namespace_objects(robot: Robot) -> list[Object]:
 
 
 def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Variables]) -> list[Object]:
-    """Registry credentials (robot_namespace_pull_secrets) as Secrets, wherever pods of the robot run.
-
-    An item without `registry` names a Secret that somebody else keeps there.
-    """
+    """Registry credentials (robot_namespace_pull_secrets) as Secrets, wherever pods of the robot run."""
     fleet = [(names.FLEET_NAMESPACE, None)] if needs_fleet_namespace(robot) else []
     kind = "kubernetes.io/dockerconfigjson"
     return [
         made("v1", "Secret", secret["name"], namespace, owner_labels(owner), type=kind, data=_docker_config(secret))
         for namespace, owner in [(robot.namespace, robot.name), *fleet]
         for secret in pull_secrets
-        if secret.get("registry")
+        if secret.get("registry")  # else it is somebody else's to keep there
     ]
 
 
@@ -69,10 +66,7 @@ def storage_objects(robot: Robot) -> list[Object]:
 
 
 def removed_claims(robot: Robot, volumes: Sequence[str], confirmed: bool) -> list[Object]:
-    """The claims of volumes that are to be deleted, with their data.
-
-    Raises SpecError if that is not confirmed, or if the inventory still has such a volume.
-    """
+    """The claims of volumes to delete, with their data. SpecError if that is not confirmed, or one is still wanted."""
     still = {volume.name for volume in robot.volumes} & set(volumes)
     if volumes and (still or not confirmed):
         raise SpecError(

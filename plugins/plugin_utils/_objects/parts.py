@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parts that make up a robot in its cluster, which are the stages of rosops.fleet.site, too. Pure.
-
-What they run, and what the ROS graph must show when all of it is up.
-"""
+"""The parts of a robot in its cluster, the stages of rosops.fleet.site, and what the ROS graph shows then. Pure."""
 
 from __future__ import annotations
 
@@ -34,11 +31,7 @@ CODE = pod_files()
 
 
 def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Collection[str] = ()) -> tuple[str, ...]:
-    """Those of the parts that a run's tags mean: all of them, unless some are named.
-
-    >>> tagged_parts(PARTS, ["apps", "ready"]), tagged_parts(("apps",), ["all"], ["ready"])
-    (('apps', 'ready'), ('apps',))
-    """
+    """Those of the parts that a run's tags mean: all of them, unless some are named."""
     named = [part for part in parts if part in run_tags] or parts
     return tuple(part for part in named if part not in skip_tags)
 
@@ -46,10 +39,7 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 def ground_objects(
     robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Files, hosts: Hosts = UNKNOWN
 ) -> list[Object]:
-    """What the pods stand on, and what changes without any of them.
-
-    These are namespace, Secrets, who may reach the pods, claims, the code in the pods, what their keeper has to know,
-    the files of versions to come, apps' Services, and a keeper that keeps nothing of a master.
+    """What the pods stand on, and what changes without any of them; so does a keeper that keeps nothing of a master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """

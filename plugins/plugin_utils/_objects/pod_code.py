@@ -50,20 +50,13 @@ _TEXT = re.compile(
 
 
 def code_command(word: str) -> list[str]:
-    """A command of the in-pod code. Isolated: neither the image's Python variables nor its site packages matter to it.
-
-    >>> code_command("stop")
-    ['python3', '-I', '-S', '/opt/rosops-fleet/hooks/run.py', 'stop']
-    """
+    """A command of the in-pod code. Isolated: the image's Python variables and site packages do not matter to it."""
     return ["python3", "-I", "-S", f"{names.CODE_DIR}/run.py", word]
 
 
 def begin_after(app: App, robot: Robot) -> list[str]:
-    """Whose end the app's own command waits for.
-
-    Where all versions share the node's name, a new one waits for the old one's end. With the host's network nobody can
-    tell by its address whose a process is.
-    """
+    """Whose end the app's own command waits for: the old version's, where all versions share the node's name."""
+    # with the host's network nobody can tell by its address whose a process is
     alone = app.handoff != "overlap" and app.readiness.nodes and not app.host_network
     return [AFTER, context.graph_node(app, robot)] if alone else []
 
@@ -133,7 +126,7 @@ def _own_question(readiness: Readiness) -> Object:
     """What the app says itself of being ready, as a probe has it; nothing where it is not asked."""
     if readiness.http:
         return {"httpGet": {"path": "/", **readiness.http}}
-    return {"exec": {"command": list(probe_command(readiness.command))}} if readiness.command else {}
+    return {"exec": {"command": probe_command(readiness.command)}} if readiness.command else {}
 
 
 def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
@@ -152,16 +145,10 @@ def sidecar(app: App, robot: Robot, environment: Sequence[Object]) -> Object:
 
 
 def probe_command(command: str | Sequence[str]) -> list[str]:
-    """readiness.command as an exec command: a list and a path as they are, a script through a shell.
-
-    >>> probe_command("/usr/local/bin/readiness_probe.sh")
-    ['/usr/local/bin/readiness_probe.sh']
-    >>> probe_command("test -f /tmp/ready")
-    ['/bin/sh', '-c', 'test -f /tmp/ready']
-    """
+    """readiness.command as an exec command: a list and a path as they are, a script through a shell."""
     if isinstance(command, str):
         return ["/bin/sh", "-c", command] if SHELL_CHARACTERS & set(command) else [command]
-    return [str(word) for word in command]
+    return [*command]
 
 
 def _asked(path: str) -> Object:
@@ -205,9 +192,6 @@ def bare(text: str) -> str:
 
 
 def code_maps(robot: Robot, code: Files) -> list[Object]:
-    """The ConfigMaps `rosops-code`, one per namespace; `code` is file name -> content.
-
-    Where no pod has our code, one that a version goes back to may.
-    """
+    """The ConfigMaps `rosops-code`, one per namespace. Where no pod has our code, one of a version before may."""
     owners = {robot.namespace: robot.name, **({names.FLEET_NAMESPACE: None} if needs_fleet_namespace(robot) else {})}
     return [config_map(names.CODE_NAME, place, owner_labels(owner), code) for place, owner in owners.items()]

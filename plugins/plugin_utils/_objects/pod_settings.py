@@ -63,13 +63,10 @@ def gate_settings(app: App, robot: Robot) -> dict[str, Any]:
 
 
 def promised(robot: Robot) -> Iterator[tuple[str, App, ReadyTopic]]:
-    """The topics that readiness says to be published, with their apps and what is said.
-
-    Which name a private one of a revision has, the graph alone knows.
-    """
+    """The topics that readiness says to be published, with their apps and what is said."""
     for app in robot.apps:
         for said in app.readiness.topics:
-            topic = full_name(said["name"], app, robot)
+            topic = full_name(said["name"], app, robot)  # of a revision's private one the graph alone knows it
             if (said.get("publishers") or said.get("min_rate")) and not topic.startswith("~"):
                 yield topic, app, said
 

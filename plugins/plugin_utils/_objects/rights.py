@@ -119,10 +119,7 @@ def controller_access(namespaces: Iterable[str]) -> list[Object]:
 def _rights(
     account: Mapping[str, str], rules: Sequence[Object], namespace: str = "", labels: Mapping[str, str] | None = None
 ) -> list[Object]:
-    """A role of the account's name in a namespace, or without one in the whole cluster, given to the account.
-
-    `account` is `{name, namespace}`.
-    """
+    """A role of the account's name, in a namespace or in the whole cluster, given to that, `{name, namespace}`."""
     kind, name = "Role" if namespace else "ClusterRole", account["name"]
     role = {"apiGroup": RBAC, "kind": kind, "name": name}
     subjects = [{"kind": "ServiceAccount", **account}]
