@@ -221,16 +221,6 @@ def test_who_reaches_what_is_the_whole_fleet_s(sender: str, target: str, port: i
     assert FLEET.passes(sender, target, port) is passes
 
 
-def test_what_is_the_fleet_s_is_the_same_from_every_robot() -> None:
-    """But for the networks that it admits itself, under the robot's name."""
-    one, two = (robot(app("talker"), MAP, name=name, master=SHARED, admits=["::/0"]) for name in ("robot1", "robot2"))
-    made = [network_policies(made, HOSTS[made.name]) for made in (one, two)]
-    found = [[item for item in items if item["metadata"]["namespace"] == "fleet"] for items in made]
-    names = [[item["metadata"]["name"] for item in items] for items in found]
-    assert names == [["fleet", own, "ros-keeper", "map-server.ports"] for own in ("robot-robot1", "robot-robot2")]
-    assert [item for item in found[0] if item not in found[1]] == [found[0][1]]
-
-
 def test_a_laptop_reaches_the_shared_master_of_a_robot_that_lists_it() -> None:
     cluster = Cluster(robot(app("talker"), master=SHARED, admits=[f"{LAPTOP}/32"]))
     assert cluster.passes(LAPTOP, "fleet/ros-master", MASTER)

@@ -10,9 +10,13 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
+    PARTS,
+    graph_conditions,
+    ground_objects,
+    workload_objects,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 from ansible_collections.rosops.fleet.tests.unit.api_schema import fits_the_api
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate
@@ -199,25 +203,21 @@ def test_no_probe_without_hooks_and_a_command() -> None:
 
 
 def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
-    fleet_app = app(scope="fleet", volumes=[{"name": "map"}])
-    found = []
+    """But for what has the robot's name: by this it tells the keeper of itself, and who may reach the namespace."""
+    fleet_app, found = app(scope="fleet", volumes=[{"name": "map"}]), []
     for name in ("robot1", "robot2"):
         own = [{"name": "own"}] if name == "robot1" else []
         volumes, seen = [{"name": "map"}, *own], {"enabled": bool(own), "ros_metrics": not own}
-        full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=volumes, observability=seen)
-        objects = [*namespace_objects(full), *storage_objects(full), *master_objects(full), *app_objects(full)]
-        found.append(
-            [
-                item
-                for item in objects
-                if "fleet" in (item["metadata"]["name"], item["metadata"].get("namespace"))
-                and item["metadata"]["name"] != f"robot-{name}"  # by which the robot tells the keeper of itself
-            ]
-        )
+        more: Any = {"master": {"mode": "shared"}, "observability": seen, "admits": [f"192.0.2.{len(own)}/32"]}
+        full = robot(fleet_app, name=name, volumes=volumes, **more)
+        objects = [*ground_objects(full, PARTS, (), {}), *workload_objects(full, PARTS)]
+        of_fleet = [item for item in objects if "fleet" in {item["metadata"].get(key) for key in ("name", "namespace")}]
+        found.append([item for item in of_fleet if item["metadata"]["name"] != full.namespace])
+        assert [item["kind"] for item in of_fleet if item not in found[-1]] == ["ConfigMap", "NetworkPolicy"]
     assert found[0] == found[1]
     assert [item["kind"] for item in found[0]] == [
-        "Namespace", "ServiceAccount", "Role", "RoleBinding", "PersistentVolumeClaim",
-        "Deployment", "Service", "Deployment", "Service", "Deployment",
+        "Namespace", "ServiceAccount", "Role", "RoleBinding", "NetworkPolicy", "NetworkPolicy", "PersistentVolumeClaim",
+        "ConfigMap", "Deployment", "Service", "Deployment", "Service", "Deployment",
     ]  # fmt: skip
 
 
