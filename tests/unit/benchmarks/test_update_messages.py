@@ -28,10 +28,8 @@ DROPPED = [
     )
 ]  # fmt: skip
 ANEW = [line(2.5, [900, 1250], duplicates=40), line(3.5, [1251, 2600], duplicates=3, resumed_from=1250)]
-GAP, NOT_SENT = (
-    [line(3.0, [900, 1399]), line(5.0, [1403, 2600], resumed_from=1399)],
-    [line(5.0, [900, 1199], [1300, 2600])],
-)
+GAP = [line(3.0, [900, 1399]), line(5.0, [1403, 2600], resumed_from=1399)]
+NOT_SENT = [line(5.0, [900, 1199], [1300, 2600])]
 
 
 @pytest.mark.parametrize(

@@ -80,10 +80,7 @@ def test_an_oci_archive_gives_the_machines_own_image(tmp_path: Path, machine: st
         (lambda path: docker(path, None), "names no image"),
         (lambda path: archive(path, {"manifest.json": b"[{]"}), "is no docker or OCI image archive"),
         (lambda path: docker(path, ["a:1"], b"[]"), "is no docker or OCI image archive"),
-        (
-            lambda path: archive(path, {"manifest.json": b'[{"Config": "gone", "RepoTags": ["a:1"]}]'}),
-            "is no docker or OCI",
-        ),
+        (lambda path: archive(path, {"manifest.json": b'[{"Config": "x", "RepoTags": ["a"]}]'}), "is no docker or OCI"),
     ],
 )
 def test_bad_archives_are_named(tmp_path: Path, make: Any, message: str) -> None:
@@ -208,10 +205,6 @@ def test_it_is_the_same_file_each_time(tmp_path: Path) -> None:
 PACKED = gzip.compress(BASE, mtime=0)
 
 
-def compressed(path: Path) -> str:
-    return docker_image(path, "a:1", [PACKED, NEXT])
-
-
 def whole_gzip(path: Path) -> str:
     path.write_bytes(gzip.compress(Path(docker_image(path, "a:1", [BASE, NEXT])).read_bytes()))
     return str(path)
@@ -227,7 +220,8 @@ def one_layer_gone(path: Path) -> str:
     ("make", "blobs"),
     [
         (lambda path: docker_image(path, "a:1", [BASE, NEXT]), set()),  # nothing to leave out
-        (compressed, {sha(BASE), sha(PACKED)}),  # which digest such a layer has there is not sure
+        # which digest such a layer has there is not sure
+        (lambda path: docker_image(path, "a:1", [PACKED, NEXT]), {sha(BASE), sha(PACKED)}),
         (whole_gzip, {sha(BASE)}),  # what is left is larger than the whole, which is compressed
         (one_layer_gone, {sha(BASE)}),
     ],

@@ -28,13 +28,11 @@ def node(there: list[dict[str, Any]], recorded: list[dict[str, Any]] | None = No
 
 def test_labels() -> None:
     placement, of_robot = (f"node-restriction.kubernetes.io/rosops-{name}" for name in ("placement", "robot"))
-    labels = node_object("edge1", "remote", "", {})["metadata"]["labels"]
-    assert labels == {"deploymentType": "remote", placement: "remote"}
-    labels = node_object("r", "local", "robot1", {"deploymentType": "mine", of_robot: "r2", "a": "b"})["metadata"][
-        "labels"
-    ]
-    ours = {placement: "local", of_robot: "robot1"}
-    assert labels == {"deploymentType": "mine", "rosops.fleet/robot": "robot1", **ours, "a": "b"}
+    edge = node_object("edge1", "remote", "", {})
+    assert edge["metadata"]["labels"] == {"deploymentType": "remote", placement: "remote"}
+    own = node_object("r", "local", "robot1", {"deploymentType": "mine", of_robot: "r2", "a": "b"})
+    ours = {"rosops.fleet/robot": "robot1", placement: "local", of_robot: "robot1"}
+    assert own["metadata"]["labels"] == {"deploymentType": "mine", **ours, "a": "b"}
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.placement im
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 OWN = {"node-restriction.kubernetes.io/rosops-robot": "robot1"}
+OTHER = {"node-restriction.kubernetes.io/rosops-robot": "robot2"}
 EDGE = {"node-restriction.kubernetes.io/rosops-placement": "remote"}
 PRIVILEGED = {"securityContext": {"privileged": True}}
 STORAGE = {"name": "v", "hostPath": {"path": placement.STORAGE}}
@@ -35,12 +36,7 @@ def adds(capability: str) -> dict[str, Any]:
     [
         ([], pod(OWN, PRIVILEGED, hostNetwork=True, hostPID=True, hostIPC=True)),
         ([], pod({"rosops.fleet/robot": "robot1"}, PRIVILEGED)),  # of 1.0
-        (["privileged (container c)"], pod(EDGE, PRIVILEGED)),
-        (
-            ["privileged (container c)"],
-            pod({**OWN, "node-restriction.kubernetes.io/rosops-robot": "robot2"}, PRIVILEGED),
-        ),
-        (["privileged (container c)"], pod({}, PRIVILEGED)),
+        *((["privileged (container c)"], pod(chosen, PRIVILEGED)) for chosen in (EDGE, OTHER, {})),
         (["privileged (container i)"], pod(EDGE, {}, initContainers=[{"name": "i", **PRIVILEGED}])),
         (["hostNetwork", "hostPID", "hostIPC"], pod(EDGE, {}, hostNetwork=True, hostPID=True, hostIPC=True)),
         (["hostPath (volume v)"], pod(EDGE, mounts(True), volumes=[{"name": "v", "hostPath": {"path": "/"}}])),
@@ -69,10 +65,8 @@ def test_nothing_of_ours_needs_another_host(mode: str, where: str) -> None:
     master = {"mode": mode, "uri": "http://h:11311" if mode == "external" else ""}
     master |= {} if mode == "shared" else {"placement": where}
     made = workload_objects(robot(app, volumes=volumes, master=master, observability={"enabled": True}), PARTS)
-    pods = [
-        (one["spec"]["template"]["spec"], one["metadata"]["namespace"]) for one in made if one["kind"] == "Deployment"
-    ]
-    assert [of_other_host(*one) for one in pods] == [[] for _pod in pods]
+    for one in (one for one in made if one["kind"] == "Deployment"):
+        assert of_other_host(one["spec"]["template"]["spec"], one["metadata"]["namespace"]) == []
 
 
 def test_the_policy_says_which_rule_it_is_and_how_to_open_it() -> None:
@@ -81,9 +75,7 @@ def test_the_policy_says_which_rule_it_is_and_how_to_open_it() -> None:
     *of_hosts, of_nodes = policy["spec"]["validations"]
     assert of_nodes["message"] == "a node makes no pods here"
     for rule in of_hosts:
-        assert rule["message"].startswith(
-            "only a pod on its robot's own node (nodeSelector node-restriction.kubernetes"
-        )
+        assert rule["message"].startswith("only a pod on its robot's own node (nodeSelector node-restriction.kubern")
         assert "robot_namespace_edge_host_access=true (the label rosops.fleet/edge-host-access" in rule["message"]
 
 
