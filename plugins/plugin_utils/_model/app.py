@@ -33,6 +33,8 @@ Filled = Annotated[str, FILLED]
 Positive = Annotated[float, number(0, above=True)]
 NotNegative = Annotated[float, number(0)]
 Count = Annotated[int, whole(0)]
+NEVER = f"0 for never, or {LIVENESS_LEAST} seconds and more"
+Liveness = Annotated[int, Form(lambda said: said == 0 or LIVENESS_LEAST <= said <= 86400, NEVER)]
 Scalar = str | float | bool
 GraphPattern = Annotated[str, FORMS["graph-pattern"]]
 LaunchFile = Annotated[str, FORMS["launch-file"]]
@@ -310,6 +312,10 @@ class SecretKey(TypedDict):
     key: Annotated[str, FORMS["secret-key"]]
 
 
+ENV_VALUES = either("a text, a number, true, false, or a mapping with secret and key", Scalar, SecretKey)
+EnvValue = Annotated[str | Mapping[str, str], ENV_VALUES, env_value]
+
+
 @dataclass(frozen=True, kw_only=True)
 class App:
     """An item of ros_apps. Times are in seconds."""
@@ -329,14 +335,7 @@ class App:
 
     Where its text is in O(ros_apps[].files), its nodes and arguments are checked before any host is touched; a node
     that is known to be one of which there must not be two has to be in C(replace) or C(overlap) then."""
-    env: Mapping[
-        Annotated[str, FORMS["env-name"]],
-        Annotated[
-            str | Mapping[str, str],
-            either("a text, a number, true, false, or a mapping with secret and key", Scalar, SecretKey),
-            env_value,
-        ],
-    ] = field(default_factory=dict)
+    env: Mapping[Annotated[str, FORMS["env-name"]], EnvValue] = field(default_factory=dict)
     """Environment variables. A value is a text, or C({secret, key}) for what a Secret of the app's namespace has under
     a key."""
     params: Mapping[ParamName, Any] = field(default_factory=dict)
@@ -411,13 +410,7 @@ class App:
     """Seconds that goals and service calls under way may take to end before their pod is stopped."""
     termination_grace_period: Annotated[int, whole(1)] = 45
     """Seconds between the begin of the stop and the kill; at least 5 more than O(ros_apps[].drain_deadline)."""
-    liveness_timeout: Annotated[
-        int,
-        Form(
-            lambda said: said == 0 or LIVENESS_LEAST <= said <= 86400,
-            f"0 for never, or {LIVENESS_LEAST} seconds and more",
-        ),
-    ] = LIVENESS_TIMEOUT
+    liveness_timeout: Liveness = LIVENESS_TIMEOUT
     """Seconds for which a ROS node of the app may leave the slave API unanswered while its process lives. Then its pod
     is begun anew by the robot's keeper (not during a goal, nor while an update is under way, and three times an hour at
     most).
