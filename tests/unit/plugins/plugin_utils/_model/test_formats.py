@@ -100,14 +100,10 @@ def test_what_begins_as_a_list_has_to_be_one(given: str) -> None:
         listed(given)
 
 
-@pytest.mark.parametrize("waves", [None, "", 1, "1", "100%", [1, "25%", "100%"], "[1, 25%, 100%]", "1, 050%"])
-def test_waves_that_ansible_can_make(waves: Any) -> None:
-    assert wrong_waves(waves) == ""
-
-
 @pytest.mark.parametrize(
     ("waves", "wrong"),
     [
+        *((waves, "") for waves in (None, "", 1, "1", "100%", [1, "25%", "100%"], "[1, 25%, 100%]", "1, 050%")),
         ("all", "has 'all'"),
         ("0", "has '0'"),
         ([0], "has 0"),
@@ -118,5 +114,6 @@ def test_waves_that_ansible_can_make(waves: Any) -> None:
         ("[1", "'[1' is no list"),
     ],
 )
-def test_waves_that_it_would_stumble_over(waves: Any, wrong: str) -> None:
-    assert wrong_waves(waves).startswith(wrong)
+def test_waves_that_ansible_would_stumble_over(waves: Any, wrong: str) -> None:
+    found = wrong_waves(waves)
+    assert (bool(found), found[: len(wrong)]) == (bool(wrong), wrong)

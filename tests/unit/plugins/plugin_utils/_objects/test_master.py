@@ -20,9 +20,8 @@ SEEN = {"enabled": True}
 EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
 
 
-def pod(deployment: Object) -> Object:
-    spec: Object = deployment["spec"]["template"]["spec"]
-    return spec
+def pod(deployment: Object) -> Any:
+    return deployment["spec"]["template"]["spec"]
 
 
 def test_goal_forwarding_is_switched_off_by_a_word_of_its_command() -> None:

@@ -25,9 +25,8 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 CASES = regenerate.cases()
 
 
-def case_objects(name: str) -> list[dict[str, Any]]:
-    objects: list[dict[str, Any]] = regenerate.built(CASES[name])["objects"]
-    return objects
+def case_objects(name: str) -> Any:
+    return regenerate.built(CASES[name])["objects"]
 
 
 def app(**changes: Any) -> dict[str, Any]:
@@ -38,14 +37,12 @@ def deployment(*, of: dict[str, Any] | None = None, **changes: Any) -> dict[str,
     return app_objects(robot(app(**changes), **(of or {})))[0]
 
 
-def pod(item: dict[str, Any]) -> dict[str, Any]:
-    spec: dict[str, Any] = item["spec"]["template"]["spec"]
-    return spec
+def pod(item: dict[str, Any]) -> Any:
+    return item["spec"]["template"]["spec"]
 
 
-def container(item: dict[str, Any]) -> dict[str, Any]:
-    first: dict[str, Any] = pod(item)["containers"][0]
-    return first
+def container(item: dict[str, Any]) -> Any:
+    return pod(item)["containers"][0]
 
 
 def revision(item: dict[str, Any]) -> str:
