@@ -441,16 +441,6 @@ class App:
         grace = self.termination_grace_period
         return min(self.drain_deadline, max(grace - STOP_MARGIN, grace / 2))
 
-    def not_from_outside(self) -> str:
-        """What of it cannot be done by who is not in the pod; empty: all of it can."""
-        if self.handoff != "overlap":
-            return f"handoff is {self.handoff}, and who comes waits in the pod for the end of who goes"
-        if self.launch:
-            return "launch is started by code in the pod"
-        if self.params or self.keep_params:
-            return "params are set in the pod before it starts"
-        return ""
-
     def alone(self) -> list[str]:
         """Why two pods of it cannot be up at once, volumes aside."""
         # a launch file may say which of its nodes has the device: that one is never there twice

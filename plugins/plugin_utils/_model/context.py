@@ -203,4 +203,8 @@ def not_gated(app: App, robot: Robot) -> str:
     """Why no keeper can say from outside when a pod of the app is ready; empty where one can."""
     if namespace_of(app, robot) not in (robot.namespace, master_namespace(robot)):
         return "no keeper looks after what is the whole fleet's"
-    return app.not_from_outside()
+    if app.handoff != "overlap":
+        return f"handoff is {app.handoff}, and who comes waits in the pod for the end of who goes"
+    if app.launch:
+        return "launch is started by code in the pod"
+    return "params are set in the pod before it starts" if app.params or app.keep_params else ""

@@ -55,7 +55,7 @@ MASTERS = {"requests": {"cpu": "20m", "memory": "96Mi"}}
 ROS_HOME = "/tmp/ros"  # noqa: S108 - the container's: whoever runs it may write its logs and process id there
 # a keeper beside an external master, whose registrations are not ours; and one of a robot without ROS
 KEEPS_NOTHING = {"external": ["--keep", "off"], "none": ["--keep", "none"]}
-RECORD_VOLUME, RECORD_DIR, RECORD_SIZE = "record", "/var/lib/rosops-fleet", "64Mi"
+RECORD_DIR, RECORD_SIZE = "/var/lib/rosops-fleet", "64Mi"
 # Measured with ten nodes, and scraped: 0.4 % of a core and 25 MB; there is room for a hundred and for held goals.
 KEEPERS = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "192Mi"}}
 
@@ -106,8 +106,10 @@ def plain_keeper(robot: Robot) -> Object:
     command = [*code_command("keeper"), "--record", RECORD_DIR]
     master = [variable("ROS_MASTER_URI", context.master_uri(robot))] if robot.master.mode != "none" else []
     # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
-    volumes = [code_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}]
-    mounts = [CODE_MOUNT, mount(RECORD_VOLUME, RECORD_DIR)]
+    record = {"name": "record", "emptyDir": {"sizeLimit": RECORD_SIZE}}
+    updates = {"name": "updates", "configMap": {"name": UPDATES, "optional": True}}  # made by the first update
+    volumes = [code_volume(), record, updates]
+    mounts = [CODE_MOUNT, mount("record", RECORD_DIR), mount("updates", UPDATES_DIR, read_only=True)]
     # asked of its server, which answers while its look at the master goes on: no process, next to no CPU
     probe = {"httpGet": {"path": "/ready", "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
     container: Object = {
@@ -127,9 +129,6 @@ def plain_keeper(robot: Robot) -> Object:
         command += KEEPS_NOTHING[robot.master.mode]
     elif not robot.master.goal_forwarding:
         command += ["--goal-forwarding", "off"]
-    # the map is made by the first update
-    volumes.append({"name": "updates", "configMap": {"name": UPDATES, "optional": True}})
-    mounts.append(mount("updates", UPDATES_DIR, read_only=True))
     if capacities := _capacities(robot):
         command += ["--claims", CLAIMS_DIR, "--namespace", robot.namespace, "--capacities", json.dumps(capacities)]
         # as the storage class itself would make it, should there be no claim on this host yet
