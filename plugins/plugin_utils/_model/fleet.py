@@ -33,7 +33,7 @@ class Fleet:
         return dict(plain(self))
 
     @classmethod
-    def from_vars(cls, task_vars: Variables | None) -> Fleet:
+    def from_vars(cls, task_vars: Variables) -> Fleet:
         """The fleet that an action plugin's variables hold; SpecError before the validation."""
         return read(cls, _found(task_vars))
 
@@ -66,16 +66,16 @@ def home_of(task_vars: Variables) -> Home:
     return home
 
 
-def robot_from_vars(task_vars: Variables | None) -> Robot:
+def robot_from_vars(task_vars: Variables) -> Robot:
     """The robot that an action plugin's task is about, without reading all the others; SpecError where it is none."""
-    robots, name = _found(task_vars)["robots"], str((task_vars or {}).get("inventory_hostname"))
+    robots, name = _found(task_vars)["robots"], str(task_vars.get("inventory_hostname"))
     if name not in robots:
         raise SpecError(f"{name} is no robot of this fleet: it is not in the inventory's group robots")
     return read(Robot, robots[name])
 
 
-def _found(task_vars: Variables | None) -> Variables:
-    found = (task_vars or {}).get(VARIABLE)
+def _found(task_vars: Variables) -> Variables:
+    found = task_vars.get(VARIABLE)
     if not isinstance(found, Mapping) or "robots" not in found:
         raise SpecError(
             f"the variable {VARIABLE} is missing: the inventory was not validated in this run; import the playbook "
