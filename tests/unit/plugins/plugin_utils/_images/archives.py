@@ -22,9 +22,13 @@ def digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def sha(content: bytes) -> str:
+    return f"sha256:{digest(content)}"
+
+
 CONFIG = encoded({"architecture": "amd64", "os": "linux"})
 ARM = encoded({"architecture": "arm64", "os": "linux"})
-ID = f"sha256:{digest(CONFIG)}"
+ID = sha(CONFIG)
 
 
 def tar_of(files: Mapping[str, bytes]) -> bytes:
@@ -49,42 +53,37 @@ def docker(path: Path, tags: list[str] | None, config: bytes = CONFIG) -> str:
     return archive(path, files)
 
 
+def layout(path: Path, blobs: Sequence[bytes], manifests: list[dict[str, Any]]) -> str:
+    """An OCI layout in a tar."""
+    files = {f"blobs/sha256/{digest(blob)}": blob for blob in blobs}
+    return archive(path, {"oci-layout": b"{}", **files, "index.json": encoded({"manifests": manifests})})
+
+
 def oci(path: Path) -> str:
     """An index in an index, as buildkit makes for several architectures."""
-    files: dict[str, bytes] = {}
-
-    def blob(content: bytes) -> str:
-        files[f"blobs/sha256/{digest(content)}"] = content
-        return f"sha256:{digest(content)}"
-
-    manifests = [
-        {"digest": blob(encoded({"config": {"digest": blob(config)}})), "platform": {"architecture": name}}
-        for name, config in (("amd64", CONFIG), ("arm64", ARM), ("unknown", b"{}"))  # the last is buildkit's word on it
-    ]
-    manifests.append({"digest": "sha256:1", "platform": {"architecture": "arm"}})  # left out
-    entry = {
-        "digest": blob(encoded({"manifests": manifests})),
-        "annotations": {CONTAINERD_NAME: "docker.io/lab/ros:noetic"},
-    }
-    files["index.json"] = encoded({"manifests": [entry, {"digest": "sha256:0", "annotations": {}}]})
-    return archive(path, {"oci-layout": b"{}", **files})
+    configs = {"amd64": CONFIG, "arm64": ARM, "unknown": b"{}"}  # the last is buildkit's word on it
+    made = {name: encoded({"config": {"digest": sha(config)}}) for name, config in configs.items()}
+    manifests = [{"digest": sha(one), "platform": {"architecture": name}} for name, one in made.items()]
+    left_out = {"digest": "sha256:1", "platform": {"architecture": "arm"}}
+    index = encoded({"manifests": [*manifests, left_out]})
+    named = {"digest": sha(index), "annotations": {CONTAINERD_NAME: "docker.io/lab/ros:noetic"}}
+    return layout(path, [*configs.values(), *made.values(), index], [named, {"digest": "sha256:0", "annotations": {}}])
 
 
 def docker_image(path: Path, tag: str, layers: Sequence[bytes]) -> str:
     """As `podman save` makes it."""
     listed = [f"{digest(one)}.tar" for one in layers]
     files = dict(zip(listed, layers, strict=True))
-    rootfs = {"type": "layers", "diff_ids": [f"sha256:{digest(one)}" for one in layers]}
+    rootfs = {"type": "layers", "diff_ids": [*map(sha, layers)]}
     config = encoded({"architecture": "amd64", "os": "linux", "rootfs": rootfs})
     manifest = [{"Config": f"{digest(config)}.json", "RepoTags": [tag], "Layers": listed}]
     return archive(path, {**files, f"{digest(config)}.json": config, "manifest.json": encoded(manifest)})
 
 
 def oci_image(path: Path, tag: str, layers: Sequence[bytes]) -> str:
-    """An OCI layout in a tar; the layers stand in it the wrong way around, which it may do."""
+    """The layers stand in it the wrong way around, which they may do."""
     config = encoded({"architecture": "arm64", "os": "linux"})
-    said = [{"digest": f"sha256:{digest(one)}", "size": len(one)} for one in layers]
-    manifest = encoded({"config": {"digest": f"sha256:{digest(config)}"}, "layers": said})
-    entry = {"digest": f"sha256:{digest(manifest)}", "annotations": {CONTAINERD_NAME: tag}}
-    blobs = {f"blobs/sha256/{digest(blob)}": blob for blob in (*reversed(layers), config, manifest)}
-    return archive(path, {"oci-layout": b"{}", **blobs, "index.json": encoded({"manifests": [entry]})})
+    said = [{"digest": sha(one), "size": len(one)} for one in layers]
+    manifest = encoded({"config": {"digest": sha(config)}, "layers": said})
+    named = {"digest": sha(manifest), "annotations": {CONTAINERD_NAME: tag}}
+    return layout(path, [*reversed(layers), config, manifest], [named])

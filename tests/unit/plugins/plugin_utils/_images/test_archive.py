@@ -35,6 +35,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
     encoded,
     oci,
     oci_image,
+    sha,
     tar_of,
 )
 
@@ -68,7 +69,7 @@ def test_what_containerd_or_the_control_node_cannot_unpack_is_refused(
 @pytest.mark.parametrize(("machine", "config"), [("x86_64", CONFIG), ("aarch64", ARM)])
 def test_an_oci_archive_gives_the_machines_own_image(tmp_path: Path, machine: str, config: bytes) -> None:
     (image,) = archive_images(oci(tmp_path / "o.tar"), machine)
-    assert (image.ref, image.id) == ("docker.io/lab/ros:noetic", f"sha256:{digest(config)}")
+    assert (image.ref, image.id) == ("docker.io/lab/ros:noetic", sha(config))
 
 
 @pytest.mark.parametrize(
@@ -137,7 +138,7 @@ def test_the_ids_of_an_image_for_whatever_machine(tmp_path: Path) -> None:
     assert archived_ids([old], "lab/b:1") == archived_ids([], "lab/a:1") == frozenset()
     for away in (str(tmp_path / "none.tar"), "~nobody-at-all/x.tar"):
         assert (archived_ids([away], "lab/a:1"), unusable(away)) == (frozenset(), "")
-    assert archived_ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") >= {ID, f"sha256:{digest(ARM)}"}
+    assert archived_ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") >= {ID, sha(ARM)}
 
 
 # --- without what a node has ------------------------------------------------------------------------------------------
@@ -164,10 +165,6 @@ def linked(path: Path, tag: str, layers: Sequence[bytes]) -> str:
             link.type, link.linkname = tarfile.SYMTYPE, f"../{target}"
             tar.addfile(link)
     return str(path)
-
-
-def sha(content: bytes) -> str:
-    return f"sha256:{digest(content)}"
 
 
 def thin(path: str, blobs: set[str], place: Path) -> frozenset[str] | None:

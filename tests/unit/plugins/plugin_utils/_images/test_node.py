@@ -31,15 +31,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ID,
-    digest,
     docker,
     docker_image,
+    sha,
     tar_of,
 )
 
 APPS, REDIS = "docker.io/lab/apps:1.0", "docker.io/library/redis:7"
 BASE = tar_of({f"usr/share/file{number}": b"" for number in range(99)})
-BASE_DIGEST = f"sha256:{digest(BASE)}"
 
 
 class Node:
@@ -86,7 +85,7 @@ class Node:
         elif argv[-2] == "import" and self.imports:
             self.images.update({one.ref: one.id for one in self.content[0]})
             self.blobs |= self.content[1]
-            self.blobs -= {BASE_DIGEST} if self.forgets else set()
+            self.blobs -= {sha(BASE)} if self.forgets else set()
             failed, self.forgets, self.refuses = self.refuses, False, False
             return {"failed": failed}
         elif argv[0] == "/bin/sh":
@@ -113,7 +112,7 @@ def tarred(path: str) -> tuple[list[Image], set[str]]:
     """What an import makes of it."""
     with opened(path) as found:
         files = [file for member in found.members.values() if (file := found.archive.extractfile(member))]
-        return found.images(), {f"sha256:{digest(file.read())}" for file in files}
+        return found.images(), {sha(file.read()) for file in files}
 
 
 @pytest.fixture(name="archive")
@@ -246,7 +245,7 @@ def test_what_a_part_does_not_bring_comes_with_the_whole_archive(tmp_path: Path,
     setattr(node, does, True)
     assert "failed" not in images.bring(second, [])
     assert [call for call in node.calls if call.startswith("copy")][1:] == ["copy thin.tar", "copy apps-2.tar"]
-    assert BASE_DIGEST in node.blobs
+    assert sha(BASE) in node.blobs
 
 
 # --- a registry that asks who one is ---------------------------------------------------------------------------------
