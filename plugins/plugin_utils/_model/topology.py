@@ -47,12 +47,8 @@ def fleet_topology(
 
 def edge_ordered(groups: Groups, first: str = "") -> Groups:
     """The groups with the edge's hosts by name, after the one that is named as the first."""
-    ordered = {
-        name: sorted(groups[name], key=lambda host: (host != first, host))
-        for name in ("edge", "k3s_server")
-        if name in groups
-    }
-    return {**groups, **ordered}
+    of_edge = {"edge", "k3s_server"} & groups.keys()
+    return {**groups, **{name: sorted(groups[name], key=lambda host: (host != first, host)) for name in of_edge}}
 
 
 def members(groups: Groups, group: str) -> list[str]:
