@@ -29,7 +29,6 @@ OVERLAY1, NEW1, OVERLAY2 = "10.42.1.0", "10.42.1.77", "10.42.2.0"
 EDGE, OF1, OF2 = ([f"{host}/32", f"10.42.{number}.0/24"] for number, host in enumerate((SERVER, HOST1, HOST2)))
 EVERY = [*EDGE, *OF1, *OF2]
 HOSTS = {"robot1": Hosts(OF1, EDGE, EDGE, EVERY), "robot2": Hosts(OF2, EDGE, EDGE, EVERY)}
-OF_NOBODY = {"observability": "observability", "shop": "shop"}  # namespaces that are no robot's
 
 
 def app(name: str, **more: Any) -> dict[str, Any]:
@@ -62,7 +61,7 @@ class Cluster:
         self.policies = [one for made in robots for one in network_policies(made, hosts[made.name])]
         spaces = [one for made in robots for one in namespace_objects(made) if one["kind"] == "Namespace"]
         self.spaces = {one["metadata"]["name"]: dict(one["metadata"]["labels"]) for one in spaces}
-        self.spaces |= {name: {} for name in OF_NOBODY}
+        self.spaces |= {name: {} for name in ("observability", "shop")}  # which are no robot's
         for name, labels in self.spaces.items():
             labels["kubernetes.io/metadata.name"] = name
         self.pods: dict[str, Pod] = {}
