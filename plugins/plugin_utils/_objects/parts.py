@@ -39,7 +39,7 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 def ground_objects(
     robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Files, hosts: Hosts = UNKNOWN
 ) -> list[Object]:
-    """What the pods stand on, and what changes without any of them; so does a keeper that keeps nothing of a master.
+    """What the pods stand on, and what changes without any of them: also a keeper that keeps nothing of a master.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """

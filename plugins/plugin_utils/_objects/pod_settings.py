@@ -66,7 +66,7 @@ def promised(robot: Robot) -> Iterator[tuple[str, App, ReadyTopic]]:
     """The topics that readiness says to be published, with their apps and what is said."""
     for app in robot.apps:
         for said in app.readiness.topics:
-            topic = full_name(said["name"], app, robot)  # of a revision's private one the graph alone knows it
+            topic = full_name(said["name"], app, robot)  # the graph alone knows a private one of a revision
             if (said.get("publishers") or said.get("min_rate")) and not topic.startswith("~"):
                 yield topic, app, said
 
