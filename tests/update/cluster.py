@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import evidence
+import urllib3
 from kubernetes import client, config
 from kubernetes.stream import stream
 from runs import CHECKOUT, wait_until
@@ -23,15 +24,7 @@ MASTER, KEEPER, CODE = "ros-master", "ros-keeper", "rosops-code"
 # Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
 STORAGE = "/var/lib/rancher/k3s/storage"
 SENSOR, EDGE = "sensor-volume-pvc", "edge-volume-pvc"
-ASK = (
-    "import json, os, xmlrpc.client as x; "
-    "print(json.dumps(x.ServerProxy(os.environ['ROS_MASTER_URI']).getParam('/test', '/')[2]))"
-)
-ASK_NODES = (
-    "import json, os, xmlrpc.client as x; "
-    "state = x.ServerProxy(os.environ['ROS_MASTER_URI']).getSystemState('/test')[2]; "
-    "print(json.dumps(sorted({node for kind in state for _name, nodes in kind for node in nodes})))"
-)
+ASK = "import json, os, xmlrpc.client as x; print(json.dumps(x.ServerProxy(os.environ['ROS_MASTER_URI']).{}[2]))"
 TAIL = 6_000_000  # bytes of a log that are read: some twenty minutes of the fastest one
 
 
@@ -176,14 +169,18 @@ class Cluster:
 
     def parameters(self, robot: str, pod: str) -> dict[str, Any]:
         """What the parameter server has, asked from a pod with Python; a namespace is a mapping."""
-        said = self.execute(robot, pod, "python3", "-c", ASK)
-        known = json.loads(said)
-        assert isinstance(known, dict), said
+        known = self._asked(robot, pod, "getParam('/test', '/')")
+        assert isinstance(known, dict), known
         return known
 
     def ros_nodes(self, robot: str, pod: str) -> list[str]:
         """The nodes that are registered with the master, asked from a pod with Python."""
-        return list(json.loads(self.execute(robot, pod, "python3", "-c", ASK_NODES)))
+        state = self._asked(robot, pod, "getSystemState('/test')")
+        return sorted({node for kind in state for _name, nodes in kind for node in nodes})
+
+    def _asked(self, robot: str, pod: str, call: str) -> Any:
+        """What the ROS master answers to a pod with Python."""
+        return json.loads(self.execute(robot, pod, "python3", "-c", ASK.format(call)))
 
     def behind(self, robot: str, service: str) -> dict[str, list[str]]:
         """The ports of a Service, and the names of the pods behind it; empty where there is no such Service."""
@@ -198,6 +195,23 @@ class Cluster:
         """As `kubectl delete pod` does."""
         for pod in self.pods(robot)[app]:
             self._core.delete_namespaced_pod(pod.name, f"robot-{robot}")
+
+
+def ask(
+    method: str, path: str, body: Any, headers: Mapping[str, str], certificate: tuple[str, str] | None = None
+) -> tuple[int, str]:
+    """Status and answer of the API server, for whoever has nothing but this certificate and key, or a token."""
+    known = client.Configuration.get_default_copy()
+    file, key = certificate or (None, None)
+    pool = urllib3.PoolManager(ca_certs=known.ssl_ca_cert, cert_file=file, key_file=key)
+    data = None if body is None else json.dumps(body)
+    sent = {"Accept": "application/json", "Content-Type": "application/json", **headers}
+    answer = pool.request(method, f"{known.host}{path}", body=data, headers=sent, timeout=20.0)
+    return answer.status, answer.data.decode()
+
+
+def bearer(token: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {token}"}
 
 
 def there(read: Callable[[], Any]) -> Any:

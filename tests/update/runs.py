@@ -68,6 +68,10 @@ class Run:
         assert (self.status, outcomes and self.outcomes) == wanted, f"wanted {wanted}: {self}"
         return self
 
+    def must_change_nothing(self) -> None:
+        """It went well, and none of its tasks changed anything."""
+        assert (self.status, self.changed) == (0, 0), self
+
     def steps(self, robot: str) -> list[Mapping[str, Any]]:
         """The robot's steps."""
         return list(self.host(robot).get("steps") or [])

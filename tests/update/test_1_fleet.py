@@ -9,30 +9,23 @@ import pytest
 from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
 
 NEXT: dict[str, Any] = {"scenario_image": "lab/apps:1.1", "lab_apps_version": "1.1"}
-APPS = {
-    "temperature",
-    "temperature-stats",
-    "add-two-ints",
-    "add-two-ints-client",
-    "prime-factors",
-    "prime-factors-client",
-}
+CLIENTS = {"temperature-stats", "add-two-ints-client", "prime-factors-client"}
+APPS = {"temperature", "add-two-ints", "prime-factors", *CLIENTS}
 
 
 @pytest.mark.promise("a second run changes nothing")
 def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
     before = fleet.running()
-    run = fleet.playbooks.run("site", fleet.variables).must(0, **dict.fromkeys(ROBOTS, "unchanged"))
-    assert run.changed == 0, run
+    fleet.playbooks.run("site", fleet.variables).must(0, **dict.fromkeys(ROBOTS, "unchanged")).must_change_nothing()
     fleet.assert_still_running(before)
 
 
 @pytest.mark.promise("check mode tells the truth and touches nothing")
 def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> None:
     before = fleet.running()
-    run = fleet.update(fleet.variables, "--check", "--diff", **NEXT, **ALL_AT_ONCE).must(0)
+    told = dict.fromkeys(ROBOTS, "updated")
+    run = fleet.update(fleet.variables, "--check", "--diff", **NEXT, **ALL_AT_ONCE).must(0, **told)
     assert run.report["check_mode"], run
-    assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
     for robot in ROBOTS:
         assert {app for step in run.steps(robot) for app in step["apps"]} == APPS, run
     assert "lab/apps:1.1" in run.output, "--diff does not show the new image"
@@ -58,9 +51,7 @@ def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch.assert_nothing_lost()
 
     before = fleet.running()
-    again = fleet.update(fleet.variables)
-    assert (again.status, again.changed) == (0, 0), again
-    assert again.outcomes == dict.fromkeys(ROBOTS, "unchanged"), again
+    fleet.update(fleet.variables).must(0, **dict.fromkeys(ROBOTS, "unchanged")).must_change_nothing()
     fleet.assert_still_running(before)
 
 
@@ -95,7 +86,6 @@ def test_rollback_to_the_previous_and_to_a_named_revision(fleet: Fleet) -> None:
     fleet.playbooks.run("rollback", {**one, "update_to": newer.revision}, *limit).must(0)
     assert fleet.pods()["robot1"]["temperature"][0].revision == newer.revision
 
-    inventory = fleet.update(fleet.variables, *limit)
-    assert (inventory.status, inventory.changed) == (0, 0), inventory
+    fleet.update(fleet.variables, *limit).must_change_nothing()
     assert {app: there for app, there in fleet.running()["robot1"].items() if app != "temperature"} == others
     watch.assert_nothing_lost("robot1")

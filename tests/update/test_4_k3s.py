@@ -88,8 +88,7 @@ def test_check_mode_and_a_second_run_start_no_k3s_anew(fleet: Fleet) -> None:
     assert starts(fleet) == before
     change(fleet, k3s_config=SETTINGS, **ALL_AT_ONCE).must(0)
     now = starts(fleet)
-    again = change(fleet, k3s_config=SETTINGS)
-    assert (again.status, again.changed) == (0, 0), again
+    change(fleet, k3s_config=SETTINGS).must_change_nothing()
     assert starts(fleet) == now
 
 
@@ -111,8 +110,7 @@ def test_hardening_comes_and_goes_under_robots_at_work(fleet: Fleet) -> None:
     assert {"create", "delete"} <= {one["verb"] for one in said}
     assert {one["level"] for one in said} == {"Metadata"}
     assert not fleet.hosts.ssh(EDGE, f"grep sought {AUDIT_LOG} || true")
-    again = change(fleet, k3s_hardening=True)
-    assert (again.status, again.changed) == (0, 0), again
+    change(fleet, k3s_hardening=True).must_change_nothing()
     change(fleet, update_waves=[1, "100%"]).must(0)
     assert on(fleet, "cat /etc/rancher/k3s/config.yaml") == before
     assert not any(on(fleet, f"ls {SYSCTLS} {AUDIT_POLICY} 2>/dev/null || true").values())
@@ -155,8 +153,7 @@ def datastore(request: pytest.FixtureRequest, standing_fleet: Fleet) -> str:
         fleet.assert_still_running(pods)
         watch.assert_only_lookups_failed()
     # what has etcd keeps it, whatever the inventory says
-    again = change(fleet)
-    assert (again.status, again.changed) == (0, 0), again
+    change(fleet).must_change_nothing()
     assert ("etcd" in fleet.hosts.ssh(EDGE, f"ls {DATABASE}").split()) is (kind == "etcd")
     return kind
 

@@ -55,8 +55,9 @@ def tasks(fleet: Fleet, tmp_path: Path) -> Iterator[Any]:
     clean()
 
 
-def guarded(fleet: Fleet, tasks: str, *arguments: str, **variables: Any) -> Run:
-    return fleet.playbooks.run("guarded", {**fleet.variables, "guarded_tasks": tasks, **variables}, *arguments)
+def guarded(fleet: Fleet, tasks: str, **variables: Any) -> Run:
+    wanted = {**fleet.variables, "guarded_tasks": tasks, **variables}
+    return fleet.playbooks.run("guarded", wanted, "--limit", "robot2,edge1")
 
 
 def marked(fleet: Fleet) -> list[str]:
@@ -68,15 +69,10 @@ def marked(fleet: Fleet) -> list[str]:
 def test_tasks_are_proven_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any) -> None:
     """On a robot whose goals are short, with time between them."""
     watch, pods = fleet.watch(), fleet.running()
-    run = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
-    assert (run.status, run.outcomes["robot2"]) == (0, "updated"), run
+    guarded(fleet, tasks(DONE)).must(0, robot2="updated")
     assert marked(fleet) == ["robot2"]
-
-    again = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
-    assert (again.status, again.outcomes["robot2"], again.changed) == (0, "unchanged", 0), again
-
-    back = guarded(fleet, tasks(FAILS), "--limit", "robot2,edge1", guarded_undo=tasks(UNDONE, "undo.yml"))
-    assert (back.status, back.outcomes["robot2"]) == (2, "rolled-back"), back
+    guarded(fleet, tasks(DONE)).must(0, robot2="unchanged").must_change_nothing()
+    back = guarded(fleet, tasks(FAILS), guarded_undo=tasks(UNDONE, "undo.yml")).must(2, robot2="rolled-back")
     assert "Find something wrong: the disk is full" in back.host("robot2")["reason"], back
     assert marked(fleet) == []
     fleet.assert_still_running(pods)
@@ -86,9 +82,7 @@ def test_tasks_are_proven_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any)
 def test_a_reboot_waits_for_the_robot_to_rest_and_is_proven(fleet: Fleet, tasks: Any) -> None:
     watch, before = fleet.watch(), fleet.running()["robot2"]
     wait_for_new_goal(fleet, "robot2")
-    text = REBOOTS % (LAB, fleet.hosts.lab)
-    run = guarded(fleet, tasks(text), "--limit", "robot2,edge1", guarded_ready_timeout=240)
-    assert (run.status, run.outcomes["robot2"]) == (0, "updated"), run
+    guarded(fleet, tasks(REBOOTS % (LAB, fleet.hosts.lab)), guarded_ready_timeout=240).must(0, robot2="updated")
     after = fleet.running()["robot2"]
     local = [app for app, pods in before.items() if app in ("temperature", "add-two-ints", "prime-factors")]
     assert len(local) == 3 and all(after[app] != before[app] for app in local), after

@@ -117,8 +117,7 @@ def test_updates_of_a_launch_file_one_after_the_other(fleet: Fleet, nine: Variab
         fleet.update(changes, *LIMIT).must(0)
     watch.assert_nothing_lost("robot1")
     before = fleet.running()
-    again = fleet.update(changes, *LIMIT)
-    assert (again.status, again.changed) == (0, 0), again
+    fleet.update(changes, *LIMIT).must_change_nothing()
     fleet.assert_still_running(before)
 
 

@@ -62,8 +62,7 @@ def assert_own_nodes(fleet: Fleet, apps: Sequence[str]) -> None:
 
 def unchanged(fleet: Fleet) -> None:
     before = fleet.running()
-    run = fleet.update(fleet.variables, *LIMIT)
-    assert (run.status, run.outcomes["robot1"], run.changed) == (0, "unchanged", 0), run
+    fleet.update(fleet.variables, *LIMIT).must(0, robot1="unchanged").must_change_nothing()
     fleet.assert_still_running(before)
 
 

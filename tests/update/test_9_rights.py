@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-import urllib3
-from cluster import GATE, MASTER
+from cluster import GATE, MASTER, ask, bearer
 from fleet import LIMIT, Fleet
 from kubernetes import client
 from runs import wait_until
@@ -47,18 +46,15 @@ LEASE = "of Leases a keeper may write robot-update alone"
 class Keeper:
     """The API by a token alone."""
 
-    def __init__(self, host: str, authority: str, token: str) -> None:
-        self._host, self._headers = host, {"Accept": "application/json", "Authorization": f"Bearer {token}"}
-        self._pool = urllib3.PoolManager(ca_certs=authority)
+    def __init__(self, token: str) -> None:
+        self._token = bearer(token)
 
     def asks(self, method: str, path: str, body: Any = None, content: str = MERGE) -> tuple[int, str]:
         """Status and answer, as if it had been done."""
         query = "" if method == "GET" else "?dryRun=All"
         query += "&fieldManager=rosops.fleet&force=true" if content == APPLY else ""
-        headers = {**self._headers, "Content-Type": content if method == "PATCH" else "application/json"}
-        data = None if body is None else json.dumps(body)
-        answer = self._pool.request(method, f"{self._host}{path}{query}", body=data, headers=headers, timeout=20.0)
-        return answer.status, answer.data.decode()
+        kind = {"Content-Type": content} if method == "PATCH" else {}
+        return ask(method, f"{path}{query}", body, {**self._token, **kind})
 
     def does(self, method: str, path: str, body: Any = None, content: str = MERGE) -> Any:
         """The same, which is allowed; what there would be."""
@@ -215,9 +211,8 @@ def notes() -> dict[str, dict[str, str]]:
 
 @pytest.mark.promise("whoever has a keeper's token can do a keeper's work with it, and nothing else")
 def test_a_keeper_s_token_is_good_for_its_work_alone(fleet: Fleet) -> None:
-    known = client.Configuration.get_default_copy()
     token = fleet.hosts.ssh("edge1", f"k3s kubectl -n {NAMESPACE} create token ros-keeper").strip()
-    keeper, pod = Keeper(known.host, known.ssl_ca_cert, token), fleet.pods()["robot1"][MASTER][0].name
+    keeper, pod = Keeper(token), fleet.pods()["robot1"][MASTER][0].name
     with a_gated_pod(client.CoreV1Api()) as gated:
         assert faults(keeper, [*of_roles(pod), *of_pods(pod, gated)]) == []
         status = f"{CORE}/namespaces/{NAMESPACE}/pods/{gated}/status"
