@@ -50,7 +50,7 @@ def network_policies(robot: Robot, hosts: Hosts = UNKNOWN) -> list[Object]:
     """What a robot needs of them. Those of the fleet are the same from every robot, but for what it admits itself."""
     shared, labels = needs_fleet_namespace(robot), owner_labels(robot.name)
     # an external master calls the nodes that are registered with it
-    admitted = [*robot.admits, *_networks([urlsplit(robot.master.uri).hostname or ""], ip_address)]
+    admitted = [*robot.admits, *addresses([urlsplit(robot.master.uri).hostname or ""])]
     fleet = [_namespace(names.FLEET_NAMESPACE)] if shared else []
     at_edge = any(app.host_network and app.placement == "remote" for app in robot.apps)
     sources = [SAME, *fleet, *blocks([*hosts.own, *(_alone(hosts.edge) if at_edge else ()), *admitted])]
@@ -108,7 +108,12 @@ def host_networks(node: Object) -> list[str]:
     """The node's addresses and its pods' networks, as far as it says what can be read."""
     told = (node.get("status") or {}).get("addresses") or ()
     own = (str(one.get("address")) for one in told if one.get("type") == "InternalIP")
-    return [*_networks(own, ip_address), *_networks((node.get("spec") or {}).get("podCIDRs") or ())]
+    return [*addresses(own), *_networks((node.get("spec") or {}).get("podCIDRs") or ())]
+
+
+def addresses(texts: Iterable[str]) -> list[str]:
+    """Those that are addresses, each as a network."""
+    return [*_networks(texts, ip_address)]
 
 
 def _networks(texts: Iterable[str], parse: Callable[[str], Any] = str) -> Iterator[str]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from ...module_utils._common.documents import json_of
 from .._model import context, names
 from .._model.context import Robot
+from .._objects.network import addresses
 from .world import Live, Object
 
 NAMES = (names.MASTER_NAME, names.KEEPER_NAME)
@@ -57,7 +57,7 @@ def _whose(uri: str, place: str, live: Live) -> str:
     host = urlsplit(uri).hostname or ""
     if host in BY_NAME:
         return BY_NAME[host]
-    if not _is_address(host):
+    if not addresses([host]):
         return "external"
     of_master = [one for one in live.services if one["metadata"]["name"] == names.MASTER_NAME]
     places = [one["metadata"]["namespace"] for one in of_master if one["spec"]["clusterIP"] == host]
@@ -73,7 +73,7 @@ def _told(place: str, live: Live) -> dict[str, str]:
     settings = [env.get(names.SETTINGS_ENV) or "{}" for _key, env in pods if env.get("ROS_MASTER_URI") == master]
     keepers = [json_of(text.replace("$$", "$")).get("keeper") for text in settings]
     said = {names.MASTER_NAME: master, names.KEEPER_NAME: next(filter(None, keepers), "")}
-    return {name: host for name, uri in said.items() if _is_address(host := urlsplit(uri).hostname or "")}
+    return {name: host for name, uri in said.items() if addresses([host := urlsplit(uri).hostname or ""])}
 
 
 def _environments(live: Live) -> Iterator[tuple[tuple[str, str], Mapping[str, str]]]:
@@ -88,11 +88,3 @@ def _environments(live: Live) -> Iterator[tuple[tuple[str, str], Mapping[str, st
                 continue
             given = {one["name"]: str(one.get("value", "")) for one in container.get("env") or []}
             yield (item["metadata"]["namespace"], item["metadata"]["name"]), given
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ip_address(host)
-    except ValueError:
-        return False
-    return True

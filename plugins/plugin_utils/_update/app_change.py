@@ -71,9 +71,8 @@ class AppChange(StepChange):
 
     def gate(self) -> None:
         hands, master = self.hands, self.step.kind == "master"
-        if hands.recorded and hands.stale:  # what came, and what the steps before changed, is in it then
-            self._learn()
-        elif not (hands.recorded or master or self.policy == "force" or self.check):
+        unknown = not (hands.recorded or master or self.policy == "force" or self.check)
+        if unknown:
             # Only a master is changed while nobody knows the graph: it may be what is broken. It serves by now, and the
             # keeper gives it what was registered; a node that does not come is recorded as it is.
             nodes = sorted({node for step in self.later for node in step.old_nodes.values()} - {""})
@@ -82,7 +81,8 @@ class AppChange(StepChange):
                 MASTER_SECONDS,
                 f"{self.name} waits until {', '.join(nodes)} is registered again",
             )
-            self._learn()
+        if unknown or (hands.recorded and hands.stale):  # what came, and what the steps before changed, is in it then
+            hands.learn(hands.ask(self.name, "the graph is not known"))
         self._look()
         for warning in self.found.warnings:
             self.say(f"WARNING: {self.name}: {warning}")
@@ -90,12 +90,6 @@ class AppChange(StepChange):
             raise NotReadyError("; ".join(self.found.problems))
         if hands.recorded and not self.check:
             self._start()
-
-    def _learn(self) -> None:
-        try:
-            self.hands.learn(self.hands.ask(self.name))
-        except (RosError, NotReadyError) as error:
-            raise NotReadyError(f"the graph is not known: {error}") from error
 
     def _look(self) -> None:
         self.found = decide.step_gate(self.step, self.hands.graph, self.hands.live, self.settings.edge_images)
@@ -262,10 +256,7 @@ class AppChange(StepChange):
         if decide.is_dead(self.step, pods) or (self.beside and not took_over):
             return
         self.beside = False  # it works
-        try:
-            actions = decide.new_actions(self.step, self.hands.ask(self.name), pods)
-        except (RosError, NotReadyError) as error:
-            raise NotReadyError(f"{UNKNOWN}: {error}") from error
+        actions = decide.new_actions(self.step, self.hands.ask(self.name, UNKNOWN), pods)
         if actions:
             what = f"{self.name} waits until its new version is idle, to take it back"
             seen = self.rest.idle(Calm(actions), what)

@@ -131,7 +131,7 @@ class Engine(Hands):
         """Be the only run that changes the robot. What was planned before may be another run's work by now."""
         # those that are not there: a Lease lives in one
         wanted = [item for item in self.ground if item["kind"] == "Namespace"]
-        found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
+        found = self.cluster.apply(wanted, dry_run=True)
         self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
         with contextlib.ExitStack() as claims:
             claims.enter_context(self.cluster.claim(self.robot.namespace))
@@ -156,8 +156,7 @@ class Engine(Hands):
 
     def _differs(self, gone: Sequence[Object]) -> bool:
         """Whether anything is to be changed that no pod notices. The API server says so."""
-        found = [*self.cluster.apply(self.ground, dry_run=True)] if self.ground else []
-        found += self.cluster.delete(gone, dry_run=True) if gone else []
+        found = [*self.cluster.apply(self.ground, dry_run=True), *self.cluster.delete(gone, dry_run=True)]
         return any(change.changed for change in found)
 
     # --- what is to be done -----------------------------------------------------------------------------------------
@@ -206,7 +205,7 @@ class Engine(Hands):
     def _drifted(self) -> set[tuple[str, str]]:
         """Deployments that are not what they say. The API server knows whether a difference is one."""
         suspected = suspects(deployments_of(all_of(self.desired)), self.live)
-        found = [one.ref for one in self.cluster.apply(suspected, dry_run=True) if one.changed] if suspected else []
+        found = [one.ref for one in self.cluster.apply(suspected, dry_run=True) if one.changed]
         for ref in found:
             self.say(f"{ref.name} was changed by hand")
         return {(ref.namespace, ref.name) for ref in found}

@@ -132,13 +132,12 @@ class Hands:
 
     def apply_all(self, objects: Sequence[Object]) -> None:
         """All of them in one call; in check mode it is only found out what that would change."""
-        done = self.cluster.apply(objects, self.check) if objects else ()
+        done = self.cluster.apply(objects, self.check)
         # the record of updates changes with every step: its news is the outcome itself
         self.changes += [change for change in done if change.changed and change.ref.name != EVENTS_NAME]
 
     def delete(self, objects: Sequence[Object]) -> None:
-        if objects:
-            self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
+        self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
 
     def events(self, *last: StepResult) -> Object:
         """The record of the robot's updates with this run's steps: those that are over, and the `last` one."""
@@ -203,14 +202,17 @@ class Hands:
         """Wait until it does; NotReadyError. A new one's pod is ready a moment before its Service leads there."""
         self.ready({}, MASTER_SECONDS, what)
 
-    def ask(self, what: str) -> Graph:
-        """The graph. A master that is silent is waited for a moment; RosError or NotReadyError if it stays so."""
+    def ask(self, what: str, unknown: str) -> Graph:
+        """The graph. A master that is silent is waited for a moment; NotReadyError, `unknown` in it, if it stays so."""
         try:
             return self.host.graph(self.master)
         except RosError as error:
             self.say(f"{what}: {error}")
+        try:
             self.master_answers("the master answers")
             return self.host.graph(self.master)
+        except (RosError, NotReadyError) as error:
+            raise NotReadyError(f"{unknown}: {error}") from error
 
     def learn(self, graph: Graph) -> None:
         """The graph as it is now, with the rates that are known, by the names of revisions: plan and records have them,

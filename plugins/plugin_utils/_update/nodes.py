@@ -51,7 +51,7 @@ class Launched:
 
     def plain(self, node: str) -> str:
         """What the launch file calls a node of the version before."""
-        return node.removesuffix(self.old) if self.old else node
+        return node.removesuffix(self.old)
 
     def is_held(self, node: str) -> bool:
         return any(named(word, [self.plain(node)]) for word in self.held)
