@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.admission import back_to
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
-from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, Hold, Pod, kubernetes_hash, labels_of
+from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, Hold, kubernetes_hash, pod_object
 
 if TYPE_CHECKING:
     from ansible_collections.rosops.fleet.tests.unit.simulated.world import Simulation
@@ -142,20 +142,7 @@ class SimulatedKeeper:
 
     def pods(self, namespace: str) -> list[dict[str, Any]]:
         self._ask()
-        return [self._pod(pod) for pod in self.sim.pods if not pod.gone and pod.key[0] == namespace]
-
-    def _pod(self, pod: Pod) -> dict[str, Any]:
-        waits = "CrashLoopBackOff" if pod.restarts >= 2 else "ContainerCreating"
-        state = {"running": {}} if pod.up or pod.waits else {"waiting": {"reason": waits}}
-        last = {"terminated": {"exitCode": 1, "reason": "Error"}} if pod.restarts else {}
-        return {
-            "metadata": {"labels": labels_of(pod)},
-            "spec": {},
-            "status": {
-                "podIP": f"10.42.0.{pod.uid}",
-                "containerStatuses": [{"state": state, "lastState": last, "restartCount": pod.restarts}],
-            },
-        }
+        return [pod_object(pod) for pod in self.sim.pods if not pod.gone and pod.key[0] == namespace]
 
     def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
         self._ask()

@@ -24,25 +24,29 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     update_plan,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, kept
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 ADDRESSES = {names.MASTER_NAME: "10.43.0.17", names.KEEPER_NAME: "10.43.0.18"}
 
 
-def addressed(robot: Robot) -> Robot:
+def addressed(made: Robot) -> Robot:
     """A robot whose master's Services are there."""
-    return (
-        robot if robot.master.mode == "external" else replace(robot, master=replace(robot.master, addresses=ADDRESSES))
-    )
+    return made if made.master.mode == "external" else replace(made, master=replace(made.master, addresses=ADDRESSES))
 
 
 def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str, Any]:
     return {"name": name, "image": image, "command": ["run"], "pattern": "pubsub", **more}
 
 
-def planned(robot: Robot, live: Live, request: Request | None = None, drifted: Collection[Key] = ()) -> Plan:
-    robot = placed(robot, live, unlabelled=False)
-    return update_plan(robot, rendered(robot), live, request or Request(), drifted)
+def versions(*apps: dict[str, Any], **more: Any) -> list[Robot]:
+    """A robot with the first version of these apps, and with the next one; `more` is the robot's own."""
+    return [robot(*({**one, "image": f"x.org/a:{number}"} for one in apps), **more) for number in (1, 2)]
+
+
+def planned(wanted: Robot, live: Live, request: Request | None = None, drifted: Collection[Key] = ()) -> Plan:
+    made = placed(wanted, live, unlabelled=False)
+    return update_plan(made, rendered(made), live, request or Request(), drifted)
 
 
 def applied(context: Robot, *maps: dict[str, Any]) -> Live:
@@ -51,15 +55,17 @@ def applied(context: Robot, *maps: dict[str, Any]) -> Live:
     for item in [*master_objects(context), *app_objects(context)]:
         if item["kind"] == "Deployment":
             there = copy.deepcopy(item)
-            there["metadata"]["managedFields"] = [
-                {"manager": names.MANAGER, "operation": "Apply", "fieldsV1": owned(item)}
-            ]
-            there["metadata"]["uid"] = "1"
+            there["metadata"] |= {"managedFields": [field_set(item)], "uid": "1"}
             there["metadata"]["annotations"]["deployment.kubernetes.io/revision"] = "1"
             there["spec"]["template"]["spec"]["dnsPolicy"] = "ClusterFirst"  # a default of the API server
             there["status"] = {"replicas": 1}
             found.append(there)
     return Live(found, maps)
+
+
+def field_set(item: Object) -> dict[str, Any]:
+    """What we own of an object that we applied."""
+    return {"manager": names.MANAGER, "operation": "Apply", "fieldsV1": owned(dict(item))}
 
 
 def owned(item: dict[str, Any]) -> dict[str, Any]:

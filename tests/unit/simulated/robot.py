@@ -681,8 +681,29 @@ def template_of(deployment: Object) -> str:
     return str(deployment["metadata"]["annotations"][names.ANNOTATION_HASH])
 
 
-def labels_of(pod: Pod) -> dict[str, str]:
-    return {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision, TEMPLATE_HASH: pod.hash}
+def looping(pod: Pod) -> bool:
+    """CrashLoopBackOff."""
+    return pod.restarts >= 2 and not pod.up
+
+
+def pod_object(pod: Pod) -> Object:
+    """As the API shows it."""
+    labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision, TEMPLATE_HASH: pod.hash}
+    waits = "CrashLoopBackOff" if looping(pod) else "ContainerCreating"
+    container: Object = {"state": {"running": {}} if pod.up or pod.waits else {"waiting": {"reason": waits}}}
+    if pod.restarts:
+        life = {"startedAt": "2026-11-25T14:00:00Z", "finishedAt": "2026-11-25T14:00:01Z"}
+        container["lastState"] = {"terminated": {"exitCode": 1, "reason": "Error", **life}}
+    container |= {"ready": pod.ready, "restartCount": pod.restarts}
+    return {
+        "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels},
+        "spec": {},
+        "status": {
+            "podIP": f"10.42.0.{pod.uid}" if pod.process else None,
+            "containerStatuses": [container],
+            "conditions": [{"type": "Ready", "status": str(pod.ready)}],
+        },
+    }
 
 
 def kubernetes_hash(deployment: Object) -> str:

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Settings
@@ -117,6 +119,20 @@ def outcome_of(sim: Simulation, wanted: Robot, fault: str = "", at: int = 0, **m
 
 def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
     return outcome_of(sim, wanted, **more), sim.engine
+
+
+def spied(patch: pytest.MonkeyPatch, of: type, name: str) -> list[dict[str, Any]]:
+    """What a method is asked from now on: the arguments of each call, by their names."""
+    method, calls = getattr(of, name), list[dict[str, Any]]()
+
+    def asked(*words: Any, **more: Any) -> Any:
+        given = inspect.signature(method).bind(*words, **more)
+        given.apply_defaults()
+        calls.append(given.arguments)
+        return method(*words, **more)
+
+    patch.setattr(of, name, asked)
+    return calls
 
 
 def points(sim: Simulation, faults: Sequence[str] = FAULTS) -> list[tuple[str, int]]:

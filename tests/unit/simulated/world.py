@@ -50,7 +50,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     Seen,
 )
 from ansible_collections.rosops.fleet.tests.unit.simulated.keeper import SimulatedKeeper
-from ansible_collections.rosops.fleet.tests.unit.simulated.objects import ADDRESSES, addressed, owned
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import ADDRESSES, addressed, field_set
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import (
     EPOCH,
     FOREVER,
@@ -58,11 +58,11 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.robot import (
     INFRASTRUCTURE,
     LEAST,
     Hold,
-    Pod,
     Process,
     SimulatedRobot,
     kubernetes_hash,
-    labels_of,
+    looping,
+    pod_object,
     template_of,
 )
 
@@ -459,30 +459,12 @@ class Simulation(SimulatedRobot):
                 self.keeper.begin()
 
 
-def pod_object(pod: Pod) -> Object:
-    state: list[dict[str, Any]] = [{"state": {"running" if pod.up or pod.waits else "waiting": {}}, "ready": pod.ready}]
-    if looping(pod):
-        life = {"startedAt": "2026-11-25T14:00:00Z", "finishedAt": "2026-11-25T14:00:01Z"}
-        state[0] |= {"restartCount": pod.restarts, "lastState": {"terminated": life}}
-        state[0]["state"] = {"waiting": {"reason": "CrashLoopBackOff"}}
-    address = f"10.42.0.{pod.uid}" if pod.process else None
-    ready = [{"type": "Ready", "status": str(pod.ready)}]
-    return {
-        "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels_of(pod)},
-        "status": {"podIP": address, "containerStatuses": state, "conditions": ready},
-    }
-
-
 def with_note(spec: dict[str, Any], before: Mapping[str, Any] | None) -> dict[str, Any]:
     """What we apply, with the note of another manager on the pod's template that was there before."""
     noted = ((before or {}).get("spec") or {}).get("template", {}).get("metadata", {}).get("annotations") or {}
     template, kept = spec["template"], {key: text for key, text in noted.items() if key == RESTARTED}
     annotations = {**(template["metadata"].get("annotations") or {}), **kept}
     return {**spec, "template": {**template, "metadata": {**template["metadata"], "annotations": annotations}}}
-
-
-def field_set(item: Object) -> dict[str, Any]:
-    return {"manager": names.MANAGER, "operation": "Apply", "fieldsV1": owned(dict(item))}
 
 
 def deployment_key(item: Object) -> tuple[str, str]:
@@ -533,6 +515,8 @@ class SimulatedCluster:
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         sim = self.sim
+        if not objects:
+            return ()
         with sim.call("apply", 0.1) as fault:
             self.confirm()
             half = len(objects) // 2 if fault.startswith("half") else len(objects)
@@ -545,6 +529,8 @@ class SimulatedCluster:
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         sim, done = self.sim, list[Applied]()
+        if not objects:
+            return done
         with sim.call("delete", 0.1):
             assert dry_run or not sim.checking
             assert dry_run or self.claimed, "it is deleted by a run that has no Lease"
@@ -603,11 +589,6 @@ class SimulatedCluster:
         if begun and any(pod.ready or (not ready_only and (pod.waits or pod.up)) for pod in new):
             return PASS, ""
         return WAIT, f"{key} is not rolled out"
-
-
-def looping(pod: Pod) -> bool:
-    """CrashLoopBackOff."""
-    return pod.restarts >= 2 and not pod.up
 
 
 class SimulatedHost:

@@ -19,7 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
-from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, marked, planned
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, applied, marked, planned, versions
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import START, STOP, VERSIONS, Goal, Process, image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     ALL,
@@ -35,6 +35,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     run_of,
     running,
     settings,
+    spied,
 )
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
     DAY,
@@ -115,25 +116,18 @@ def test_a_new_app_is_there_or_gone() -> None:
 def test_where_a_step_stands_is_told(
     name: str, version: str, phases: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[str] = []
-    monkeypatch.setattr(Simulation, "stands", lambda _sim, phase: told.append(phase))
+    told = spied(monkeypatch, Simulation, "stands")
     outcome_of(*begin(name, version))
-    assert told[-len(phases) :] == phases
+    assert [one["phase"] for one in told[-len(phases) :]] == phases
 
 
 def test_a_rollout_ends_as_soon_as_its_pods_are_ready_and_none_of_them_has_ended(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Whether the version stays is seen on the graph meanwhile."""
-    stays, wait = list[Any](), SimulatedCluster.wait
-
-    def waited(cluster: SimulatedCluster, *words: Any, stay: float | None = None, **more: Any) -> None:
-        stays.append(stay)
-        wait(cluster, *words, stay=stay, **more)
-
-    monkeypatch.setattr(SimulatedCluster, "wait", waited)
+    waits = spied(monkeypatch, SimulatedCluster, "wait")
     assert outcome_of(*begin("overlap", "good")).outcome == "updated"
-    assert stays[0] == 0.0
+    assert waits[0]["stay"] == 0.0
 
 
 @pytest.mark.parametrize("check", [True, False])
@@ -391,13 +385,12 @@ def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(
         ]
         return robot(*apps)
 
-    asked = list[Any]()
-    monkeypatch.setattr(SimulatedHost, "graph", logged(SimulatedHost.graph, asked))
+    asked = spied(monkeypatch, SimulatedHost, "graph")
     sim = Simulation()
     sim.install(of(OLD))
     found = outcome_of(sim, of(image("good")))
     assert (found.outcome, len(found.steps)) == ("updated", 2 + len(more)), found.reason
-    heard = [nodes for _master, _seconds, nodes in (words for words in asked if len(words) == 3) if nodes]
+    heard = [one["nodes"] for one in asked if one["nodes"]]
     assert [[node.strip("/").partition("_")[0] for node in nodes] for nodes in heard] == measured
 
 
@@ -617,13 +610,12 @@ def test_a_new_version_that_took_over_is_not_stopped_in_its_work(monkeypatch: py
     ],
 )
 def test_who_starts_beside_the_old_version(old: dict[str, object], new: dict[str, object], starts: bool) -> None:
-    def of(image: str, more: dict[str, object]) -> Robot:
-        return robot(app("driver", image, placement="local", **{"pattern": None, **more}))
-
-    live = applied(of("x:1", old))
-    (step,) = planned(of("x:2", new), live).steps
+    both: dict[str, Any] = {"placement": "local", "pattern": None}
+    before, after = (robot(app("driver", image, **{**both, **more})) for image, more in (("x:1", old), ("x:2", new)))
+    live = applied(before)
+    (step,) = planned(after, live).steps
     assert [item["metadata"]["name"] for item in early(step, Calm())] == ["driver"] * starts
-    (resumed,) = planned(of("x:2", new), marked(live, "driver")).steps
+    (resumed,) = planned(after, marked(live, "driver")).steps
     assert not early(resumed, Calm())
 
 
@@ -631,10 +623,8 @@ def test_who_starts_beside_the_old_version(old: dict[str, object], new: dict[str
 def test_a_launch_file_waits_beside_only_where_a_keeper_holds_its_goals(kept: bool, starts: list[str]) -> None:
     """Without one Kubernetes would hand over after ten minutes, should the run have died."""
 
-    def of(image: str) -> Robot:
-        return robot(app("arm", image, launch={"package": "arm", "file": "arm.launch", "replace": ["arm_held"]}))
-
-    (step,) = planned(of("x:2"), applied(of("x:1"))).steps
+    before, after = versions(app("arm", launch={"package": "arm", "file": "arm.launch", "replace": ["arm_held"]}))
+    (step,) = planned(after, applied(before)).steps
     calm = Calm([{"name": "/lift", "server": "/arm_held"}])
     assert [item["metadata"]["name"] for item in early(step, calm, kept)] == starts
     assert early(step, Calm()) == []
@@ -758,35 +748,17 @@ def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: py
 def test_the_way_back_is_about_what_this_step_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other nodes of the robot are none of it, and neither is what another run marked."""
     sim, wanted = begin("two-steps", "half-the-rate")
-    asked: dict[str, list[Any]] = {"register": [], "reap": []}
-    for name, calls in asked.items():
-        monkeypatch.setattr(SimulatedHost, name, logged(getattr(SimulatedHost, name), calls))
-    marks = set[str]()
-    put = Simulation.put
-
-    def look(sim: Simulation, item: Any, dry_run: bool = False) -> Any:
-        if (mark := mark_of(item)) is not None:
-            marks.add(mark.run)
-        return put(sim, item, dry_run)
-
-    monkeypatch.setattr(Simulation, "put", look)
+    registered, reaped = (spied(monkeypatch, SimulatedHost, name) for name in ("register", "reap"))
+    written = spied(monkeypatch, Simulation, "put")
     (old,) = sim.of(("robot-robot1", "sensor"))
     found = outcome_of(sim, wanted)
     step = found.steps[-1]
     (new,) = [pod for pod in sim.pods if pod.app == "sensor" and pod is not old]
     assert (found.outcome, step.name) == ("rolled-back", "sensor")
     base, base_of_new = (pod.node.rpartition("_")[0] for pod in (old, new))
-    assert [nodes for _master, _graph, nodes in asked["register"]] == [[base]]
-    assert [words[1:] for words in asked["reap"]] == [([base_of_new], [f"10.42.0.{new.uid}"])]
-    assert marks == {str(int(step.started))}
-
-
-def logged(call: Callable[..., Any], calls: list[Any]) -> Callable[..., Any]:
-    def instead(host: SimulatedHost, *words: Any) -> Any:
-        calls.append(words)
-        return call(host, *words)
-
-    return instead
+    assert [one["nodes"] for one in registered] == [[base]]
+    assert [(one["nodes"], one["hosts"]) for one in reaped] == [([base_of_new], [f"10.42.0.{new.uid}"])]
+    assert {mark.run for one in written if (mark := mark_of(one["item"]))} == {str(int(step.started))}
 
 
 def test_what_a_bad_version_registered_goes_with_it_though_no_keeper_is_there(monkeypatch: pytest.MonkeyPatch) -> None:

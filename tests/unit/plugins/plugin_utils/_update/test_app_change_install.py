@@ -15,7 +15,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import image
-from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import ALL, drawn, outcome_of, points, settings
+from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
+    ALL,
+    drawn,
+    outcome_of,
+    points,
+    settings,
+    spied,
+)
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedCluster, Simulation
 
 GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
@@ -151,14 +158,9 @@ def test_a_claim_is_waited_for_where_a_pod_binds_it(
 ) -> None:
     """It is bound by the first pod that mounts it, and a robot without apps has none."""
     apps = [app("sensor", GOOD, volumes=[VOLUME])] if mounts else []
-    waited, wait = list[Any](), SimulatedCluster.wait
-
-    def look(cluster: SimulatedCluster, objects: Any, timeout: float, **more: Any) -> None:
-        waited.extend(item["metadata"]["name"] for item in objects if item["kind"] != "Deployment")
-        wait(cluster, objects, timeout, **more)
-
-    monkeypatch.setattr(SimulatedCluster, "wait", look)
+    waits = spied(monkeypatch, SimulatedCluster, "wait")
     assert word(Simulation(), robot(*apps, volumes=[VOLUME])) == "updated"
+    waited = [item["metadata"]["name"] for one in waits for item in one["objects"] if item["kind"] != "Deployment"]
     assert waited == claims
 
 

@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     outcome_of,
     points,
     settings,
+    spied,
 )
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, SimulatedHost, Simulation
 
@@ -230,17 +231,10 @@ def test_what_a_killed_process_registered_goes_with_its_app_though_no_keeper_is_
 def test_who_answers_is_not_taken_out_of_the_graph_with_an_app(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of no host it is known here that it is gone, so each node that answers is left."""
     sim, wanted = fleet(KINDS["replace"])
-    asked, reap, told = list[Any](), SimulatedHost.reap, list[str]()
-
-    def look(host: SimulatedHost, *words: Any) -> None:
-        asked.append(words[1:])
-        reap(host, *words)
-
-    monkeypatch.setattr(SimulatedHost, "reap", look)
-    monkeypatch.setattr(Simulation, "stands", lambda _sim, phase: told.append(phase))
+    reaped, stood = spied(monkeypatch, SimulatedHost, "reap"), spied(monkeypatch, Simulation, "stands")
     assert ended(sim, wanted) == ("updated", ["driver"])
-    assert asked == [(["/driver"], ())]
-    assert "waits until driver has left the graph" in told
+    assert [(one["nodes"], one["hosts"]) for one in reaped] == [(["/driver"], ())]
+    assert "waits until driver has left the graph" in [one["phase"] for one in stood]
 
 
 def test_another_master_is_refused_while_apps_work_and_the_way_there_works() -> None:

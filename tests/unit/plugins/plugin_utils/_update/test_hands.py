@@ -29,6 +29,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     outcome_of,
     run_of,
     settings,
+    spied,
 )
 from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
 
@@ -315,15 +316,8 @@ def test_a_look_lasts_until_a_silent_peer_is_known_and_the_graph_was_stable_afte
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sim, wanted = begin("overlap", "good")
-    asked, ready = [], SimulatedHost.ready
-
-    def noted(host: SimulatedHost, master: str, conditions: Any, timeout: float, stable: float = 0.0) -> Any:
-        asked.append((timeout, stable))
-        return ready(host, master, conditions, timeout, stable)
-
-    monkeypatch.setattr(SimulatedHost, "ready", noted)
-    assert sim.run(wanted, settings(verify_seconds=30.0)).outcome == "updated"
+    asked = spied(monkeypatch, SimulatedHost, "ready")
+    assert outcome_of(sim, wanted, verify_seconds=30.0).outcome == "updated"
     (first, last) = asked  # between them only pods are watched
-    assert first[1] == 1.0
-    assert first[0] > 1.0 + PATIENCE
-    assert last[1] == 0.0
+    assert (first["stable"], last["stable"]) == (1.0, 0.0)
+    assert first["timeout"] > 1.0 + PATIENCE

@@ -29,6 +29,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.objects import (
     marked,
     planned,
     update_map,
+    versions,
 )
 
 PREVIOUS = Request(to="previous")
@@ -141,14 +142,12 @@ def test_neither_goes_back_unless_it_is_named() -> None:
 
 
 def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> None:
-    def fleet(image: str) -> Robot:
-        return robot(
-            app("stats", image, depends_on=["sensor"], update={"group": "temperature"}),
-            app("other", image),
-            app("sensor", image, update={"group": "temperature"}),
-        )
-
-    plan = planned(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
+    before, after = versions(
+        app("stats", depends_on=["sensor"], update={"group": "temperature"}),
+        app("other"),
+        app("sensor", update={"group": "temperature"}),
+    )
+    plan = planned(after, applied(before))
     assert step_names(plan) == [["sensor", "stats"], ["other"]]  # which waits for what any of its apps depends on
     assert plan.steps[0].name == "temperature"
     assert len(plan.steps[0].renames) == 2
@@ -167,17 +166,13 @@ def test_an_unknown_app_is_an_error_that_names_those_there_are(wanted: Robot, wo
 
 
 def test_what_belongs_to_the_fleet_is_left_to_the_robot_whose_it_is() -> None:
-    def fleet(image: str) -> Robot:
-        return robot(
-            app("planner", image, scope="fleet"), app("one", image), master={"mode": "shared", "image": "x.org/ros:1"}
-        )
-
-    live = applied(fleet("x.org/a:1"))
-    assert step_names(planned(fleet("x.org/a:2"), live, Request(shared=False))) == [["one"]]
-    assert step_names(planned(fleet("x.org/a:2"), live, Request(shared=True))) == [["planner"], ["one"]]
+    before, after = versions(app("planner", scope="fleet"), app("one"), master=SHARED)
+    assert step_names(planned(after, applied(before), Request(shared=False))) == [["one"]]
+    assert step_names(planned(after, applied(before), Request(shared=True))) == [["planner"], ["one"]]
 
 
 EXTERNAL = {"mode": "external", "uri": "http://192.0.2.5:11311"}
+SHARED = {"mode": "shared"}
 
 
 def test_the_keeper_beside_an_external_master_is_no_step_and_no_orphan() -> None:
@@ -280,18 +275,14 @@ def test_the_way_back_is_never_paused_and_has_nothing_of_the_step_that_brought_i
 
 
 def test_a_step_says_all_that_its_phases_need() -> None:
-    def fleet(image: str) -> Robot:
-        group, goals = {"group": "motion"}, ["plan", "~go"]
-        drain = {"pattern": "action", "readiness": {"actions": goals}}
-        return robot(
-            app("light", image),
-            app("map", image, readiness={"actions": ["scan"]}, update={**group, "idle": ["dock", "~lift"]}),
-            app("drive", image, **drain, update={**group, "idle": ["dock", "charge"], "on_busy": "defer"}),
-            app("arm", image, **drain, update=group),
-        )
-
-    wanted = fleet("x.org/a:2")
-    step = planned(wanted, applied(fleet("x.org/a:1"), update_map("map", []))).steps[-1]
+    group, drain = {"group": "motion"}, {"pattern": "action", "readiness": {"actions": ["plan", "~go"]}}
+    before, wanted = versions(
+        app("light"),
+        app("map", readiness={"actions": ["scan"]}, update={**group, "idle": ["dock", "~lift"]}),
+        app("drive", **drain, update={**group, "idle": ["dock", "charge"], "on_busy": "defer"}),
+        app("arm", **drain, update=group),
+    )
+    step = planned(wanted, applied(before, update_map("map", []))).steps[-1]
     assert (step.name, step.kind, step.apps, step.handoff) == ("motion", "app", ["map", "drive", "arm"], "drain")
     assert step.rest == ["/dock", "/map/lift", "/plan", "/drive/go", "/charge", "/arm/go"]
     assert step.on_busy == "defer"
@@ -332,7 +323,6 @@ def test_a_version_is_told_by_its_image_and_revision(labels: Any, containers: An
 # --- NetworkPolicies that nobody wants any more -----------------------------------------------------------------------
 
 WEB = app("web", ports=[{"name": "http", "port": 80}])
-SHARED = {"mode": "shared"}
 MAP = app("map", scope="fleet", ports=[{"name": "http", "port": 80}])
 
 

@@ -34,6 +34,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.objects import (
     entry,
     planned,
     update_map,
+    versions,
 )
 
 URI = "http://10.42.0.7:4000/"
@@ -45,7 +46,7 @@ def step_of(before: Robot, after: Robot, *maps: dict[str, Any]) -> Step:
 
 
 def sensor_step(**more: Any) -> Step:
-    return step_of(robot(app("sensor", **more)), robot(app("sensor", "x.org/a:2", **more)))
+    return step_of(*versions(app("sensor", **more)))
 
 
 def node(**more: Any) -> dict[str, Any]:
@@ -114,15 +115,8 @@ def test_a_node_that_has_the_new_name_already_forbids_the_step() -> None:
 
 
 def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
-    def fleet(image: str) -> Robot:
-        return robot(
-            app(
-                "planner", image, pattern="action", readiness={"actions": ["plan"]},
-                update={"idle": ["/move_base", "/gone", "/dock"]},
-            )
-        )  # fmt: skip
-
-    step = step_of(fleet("x.org/a:1"), fleet("x.org/a:2"))
+    idle = {"idle": ["/move_base", "/gone", "/dock"]}
+    step = step_of(*versions(app("planner", pattern="action", readiness={"actions": ["plan"]}, update=idle)))
     actions = {
         "/plan": served("/planner"),
         "/move_base": served("/base"),
@@ -143,11 +137,8 @@ def served(server: str, **more: Any) -> dict[str, Any]:
     return {"up": True, "servers": [server], "goals": {}, **more}
 
 
-def launch_step(image: str = "x.org/a:2") -> Step:
-    def fleet(image: str) -> Robot:
-        return robot(app("nav", image, pattern="action", readiness={"nodes": False}))
-
-    return step_of(fleet("x.org/a:1"), fleet(image))
+def launch_step() -> Step:
+    return step_of(*versions(app("nav", pattern="action", readiness={"nodes": False})))
 
 
 def pod(name: str, address: str) -> dict[str, Any]:
@@ -203,10 +194,8 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
 
 
 def test_the_masters_contract_is_everything_that_is_registered() -> None:
-    def fleet(image: str) -> Robot:
-        return robot(app("sensor"), master={"image": image})
-
-    _keeper, step = planned(fleet("x.org/ros:2"), applied(fleet("x.org/ros:1"))).steps
+    before, after = (robot(app("sensor"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
+    _keeper, step = planned(after, applied(before)).steps
     objects = [(item["kind"], item["metadata"]["name"]) for item in step_objects(step, {}, 0.1, 180.0, 1000.0)]
     assert objects == [
         ("ConfigMap", "ros-master-update"),
@@ -224,9 +213,7 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
 
 def test_check_mode_is_told_what_the_step_would_allow() -> None:
     """And a way back after it holds the old version to its old names."""
-    update = {"ignore": ["/debug"], "renamed": {"/temperature": "/temp"}}
-    before, after = robot(app("sensor", update=update)), robot(app("sensor", "x.org/a:2", update=update))
-    step = step_of(before, after)
+    step = sensor_step(update={"ignore": ["/debug"], "renamed": {"/temperature": "/temp"}})
     gate = gate_of(step, graph_of(step), Live())
     assert gate.allowed == ["/temperature has to be /temp then"]
     assert [topic["name"] for topic in proof(step, gate, 0.1)["topics"]] == ["/temp"]
@@ -281,8 +268,8 @@ def test_a_version_is_dead_when_none_of_its_containers_runs(states: list[str], d
 LAUNCH = {"package": "nav", "file": "nav.launch", "replace": ["move_base"]}
 
 
-def overlapping(launch: dict[str, Any], *maps: dict[str, Any]) -> Step:
-    return step_of(robot(app("nav", "x.org/a:1", launch=launch)), robot(app("nav", "x.org/a:2", launch=launch)), *maps)
+def overlapping(launch: dict[str, Any]) -> Step:
+    return step_of(*versions(app("nav", launch=launch)))
 
 
 def overlapping_graph(step: Step) -> dict[str, Any]:
