@@ -173,20 +173,22 @@ class Simulation(SimulatedRobot):
         self.truth(engine, outcome, before)
         return outcome
 
-    def change_by_hand(self, key: tuple[str, str], what: str) -> None:
-        """`kubectl set image`, `kubectl scale`: the annotations stay as they are."""
-        item = copy.deepcopy(self.objects["Deployment", *key])
-        if what in ("0", "1"):
-            item["spec"]["replicas"] = int(what)
-        else:
-            item["spec"]["template"]["spec"]["containers"][0]["image"] = what
-        self.write(item, {**item, "applied": {}})
+    def change_by_hand(self, what: str) -> None:
+        """`kubectl set image`, `kubectl scale` of all apps: the annotations stay as they are."""
+        for key in self.apps():
+            item = copy.deepcopy(self.objects["Deployment", *key])
+            if what in ("0", "1"):
+                item["spec"]["replicas"] = int(what)
+            else:
+                item["spec"]["template"]["spec"]["containers"][0]["image"] = what
+            self.write(item, {**item, "applied": {}})
 
-    def restart_by_hand(self, key: tuple[str, str]) -> None:
-        """`kubectl rollout restart`: a note at the template, of another manager, and nothing else."""
-        item = copy.deepcopy(self.objects["Deployment", *key])
-        item["spec"]["template"]["metadata"]["annotations"][RESTARTED] = f"{self.time:.1f}"
-        self.write(item, item)
+    def restart_by_hand(self) -> None:
+        """`kubectl rollout restart` of all apps: a note at the template, of another manager, and nothing else."""
+        for key in self.apps():
+            item = copy.deepcopy(self.objects["Deployment", *key])
+            item["spec"]["template"]["metadata"]["annotations"][RESTARTED] = f"{self.time:.1f}"
+            self.write(item, item)
 
     def apps(self) -> list[tuple[str, str]]:
         found = [key[1:] for key in self.objects if key[0] == "Deployment"]
@@ -270,8 +272,7 @@ class Simulation(SimulatedRobot):
             raise Killed(name)
         if fault == RESTARTED_APPS:
             self.disturbed = True
-            for key in self.apps():
-                self.restart_by_hand(key)
+            self.restart_by_hand()
         if fault == "cancelled":
             raise self.cancel()
         if fault == "asleep":  # the control node, so that nobody renews the Lease

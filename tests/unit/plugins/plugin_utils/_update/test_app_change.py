@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
@@ -271,14 +271,13 @@ def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(
     assert goal is None or goal.ended  # it is waited for
 
 
-def refuse(*_unused: object) -> None:
-    raise RosError("the ROS master does not answer")
+REFUSED = Mock(side_effect=RosError("the ROS master does not answer"))
 
 
 @pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
 def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sim, wanted, _at = silent("sensor", "good")
-    monkeypatch.setattr(SimulatedHost, "graph", refuse)
+    monkeypatch.setattr(SimulatedHost, "graph", REFUSED)
     found = outcome_of(sim, wanted, on_busy=policy)
     assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), ("sensor", word)]
     if policy != "force":
@@ -723,24 +722,17 @@ def test_a_new_master_that_is_reached_by_every_second_question_gets_the_registra
 ) -> None:
     """As long as its Service knows of the old pod, too."""
     sim, wanted = begin("master", "good")
-    real, tried = SimulatedHost.register, list[str]()
-
-    def once(host: SimulatedHost, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
-        tried.append(master)
-        if len(tried) == 1:
-            raise RosError("the ROS master does not answer: no answer within 2 s")
-        real(host, master, graph, nodes)
-
-    monkeypatch.setattr(SimulatedHost, "register", once)
+    register = Mock(side_effect=[RosError("the ROS master does not answer: no answer within 2 s"), None])
+    monkeypatch.setattr(SimulatedHost, "register", register)
     assert outcome_of(sim, wanted).outcome == "updated"
-    assert len(tried) == 2
+    assert register.call_count == 2
 
 
 @pytest.mark.parametrize("name", ["drain", "replace"])
 def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """They come with the old version again; and without it nothing serves."""
     sim, wanted = begin(name, "never-starts")
-    monkeypatch.setattr(SimulatedHost, "register", refuse)
+    monkeypatch.setattr(SimulatedHost, "register", REFUSED)
     assert outcome_of(sim, wanted).outcome == "rolled-back"
     assert any("the ROS master does not answer" in text for text in sim.said)
 

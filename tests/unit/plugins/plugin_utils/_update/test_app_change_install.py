@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step import update_record, words
@@ -231,21 +232,20 @@ def test_a_new_master_gets_back_what_was_registered(keeps: bool, monkeypatch: py
     assert sim.calls[-1] == "ready"  # and then the whole graph is what it was
 
 
-def held(*_unused: object) -> None:
-    raise HeldError("control-2, process 7 changes this robot")
+HELD = Mock(side_effect=HeldError("control-2, process 7 changes this robot"))
 
 
 def test_another_run_that_changes_the_robot_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """And the robot is looked at all the same, where nothing is to be changed."""
     for sim, untouched in ((working(), "nothing"), (Simulation(), "no app")):
-        monkeypatch.setattr(SimulatedCluster, "claim", held)
+        monkeypatch.setattr(SimulatedCluster, "claim", HELD)
         found = outcome(sim, wanted(BETTER))
         assert found.outcome == "deferred-busy"
         assert found.reason == f"{untouched} was touched: control-2, process 7 changes this robot"
         assert {key[0] for key in sim.touched} <= {"Namespace"}  # the Lease lives there
         monkeypatch.undo()
     sim = working()
-    monkeypatch.setattr(SimulatedCluster, "claim", held)
+    monkeypatch.setattr(SimulatedCluster, "claim", HELD)
     assert word(sim, wanted()) == "unchanged"
     found = outcome(sim, wanted(quota={"pods": 20}))
     assert (found.outcome, sim.touched) == ("deferred-busy", set())
@@ -265,7 +265,7 @@ def test_the_record_of_a_run_that_waits_is_left_to_it(lives: bool, monkeypatch: 
     assert sim.run(changed, settings(**SITE), "killed", at) is None
     assert '"outcome": "waiting"' in sim.events()
     if lives:
-        monkeypatch.setattr(SimulatedCluster, "claim", held)
+        monkeypatch.setattr(SimulatedCluster, "claim", HELD)
     assert word(sim, wanted()) == "unchanged"
     assert ('"outcome": "waiting"' in sim.events()) == lives
     assert (sim.touched == set()) == lives

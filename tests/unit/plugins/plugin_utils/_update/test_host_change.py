@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
@@ -317,11 +318,10 @@ def test_what_a_robot_says_and_its_windows_are_waited_for() -> None:
 
 
 def test_goals_that_nobody_can_let_go_are_told_of_and_the_change_stands(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_unused: object) -> None:
-        raise RosError("nothing listens at http://10.43.0.1:11411/")
-
     site = Site()
-    monkeypatch.setattr(SimulatedHost, "release", refuse)
+    monkeypatch.setattr(
+        SimulatedHost, "release", Mock(side_effect=RosError("nothing listens at http://10.43.0.1:11411/"))
+    )
     site.unheld = False
     monkeypatch.setattr(site, "mine", lambda: [])
     assert outcome(site)[0] == "updated"
@@ -351,10 +351,7 @@ def test_a_robot_that_another_run_has_is_left_alone(which: str) -> None:
 
 @pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("force", "updated")])
 def test_a_graph_that_cannot_be_read_is_no_idle_robot(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_unused: object) -> None:
-        raise RosError("the master does not answer")
-
-    monkeypatch.setattr(SimulatedHost, "graph", refuse)
+    monkeypatch.setattr(SimulatedHost, "graph", Mock(side_effect=RosError("the master does not answer")))
     assert outcome(Site(), on_busy=policy)[0] == word
 
 

@@ -44,8 +44,7 @@ def test_a_restart_by_hand_is_no_change_and_loses_nothing_of_what_overlaps(name:
     sim, wanted = proven(name)
     for _time in range(3):
         before = {pod.node for key in sim.apps() for pod in sim.of(key)}
-        for key in sim.apps():  # of a group both at once
-            sim.restart_by_hand(key)
+        sim.restart_by_hand()  # of a group both at once
         assert_at_rest(sim)
         after = {pod.node for key in sim.apps() for pod in sim.of(key)}
         assert not before & after if name in OVERLAP else before == after
@@ -62,8 +61,7 @@ def test_a_version_that_was_found_good_is_restarted_by_hand_in_its_soak(name: st
     sim, wanted = begin(name, "good")
     assert outcome_of(sim, wanted).outcome == "updated"
     sim.advance(30.0)
-    for key in sim.apps():
-        sim.restart_by_hand(key)
+    sim.restart_by_hand()
     assert_at_rest(sim)
     sim.settle(600.0)
     assert sim.keeper.said[-1].endswith(": proven"), sim.keeper.said
@@ -73,8 +71,7 @@ def test_a_version_that_was_found_good_is_restarted_by_hand_in_its_soak(name: st
 @pytest.mark.parametrize("name", [*OVERLAP, *OTHERS])
 def test_another_image_by_hand_is_put_right_through_a_step(name: str) -> None:
     sim, wanted = proven(name)
-    for key in sim.apps():
-        sim.change_by_hand(key, image("good", 77))
+    sim.change_by_hand(image("good", 77))
     assert_at_rest(sim)
     assert outcome_of(sim, wanted).outcome == "updated"
     assert all(f"{app} was changed by hand" in sim.said for _namespace, app in sim.apps())
@@ -89,8 +86,7 @@ def test_a_bad_image_by_hand_takes_nobodys_place(name: str, version: str) -> Non
     """No contract of a step tells its pod what it owes: what the pod has that it would replace does."""
     sim, wanted = proven(name)
     before = {pod.uid for key in sim.apps() for pod in sim.of(key)}
-    for key in sim.apps():
-        sim.change_by_hand(key, image(version, 77))
+    sim.change_by_hand(image(version, 77))
     sim.settle(300.0)
     assert before == {pod.uid for key in sim.apps() for pod in sim.of(key) if pod.ready}
     assert outcome_of(sim, wanted).outcome == "updated"
@@ -113,16 +109,13 @@ def test_an_undo_by_hand_brings_the_version_before_which_the_next_run_replaces(n
 @pytest.mark.parametrize("name", [*OVERLAP, *OTHERS])
 def test_none_by_hand_ends_cleanly_and_one_is_as_it_was(name: str) -> None:
     sim, wanted = proven(name)
-    for key in sim.apps():
-        sim.change_by_hand(key, "0")
+    sim.change_by_hand("0")
     sim.settle(60.0)
     assert {*sim.registered} == {"/listener"}
-    for key in sim.apps():
-        sim.change_by_hand(key, "1")
+    sim.change_by_hand("1")
     assert_at_rest(sim)
     assert outcome_of(sim, wanted).outcome == "unchanged"
-    for key in sim.apps():
-        sim.change_by_hand(key, "0")
+    sim.change_by_hand("0")
     sim.settle(60.0)
     assert outcome_of(sim, wanted).outcome == "updated"
     assert_at_rest(sim)
@@ -170,8 +163,7 @@ def test_one_gated_step_an_app_brings_a_fleet_there(name: str) -> None:
     assert len(found.steps) == 1 and "graph" in sim.calls and "rates" in sim.calls
     sim.settle(600.0)  # the keeper proves it
     assert outcome_of(sim, wanted).outcome == "unchanged"
-    for key in sim.apps():
-        sim.restart_by_hand(key)
+    sim.restart_by_hand()
     assert_at_rest(sim)
 
 
