@@ -296,20 +296,16 @@ class Hosts:
         """
         wanted = {evidence.STATS: "time", evidence.REQUESTS: "time", **({evidence.GOALS: "sent"} if goals else {})}
 
-        def behind(logs: Mapping[str, list[dict[str, Any]]]) -> dict[str, float]:
-            """How many seconds each account is behind."""
-            late = {name: until + 0.5 - evidence.newest(logs.get(name, []), key) for name, key in wanted.items()}
-            return {name: round(seconds, 1) for name, seconds in late.items() if seconds > 0}
-
         seen: dict[str, Any] = {}
 
-        def look() -> dict[str, float]:
+        def behind() -> dict[str, float]:
+            """How many seconds each account is behind."""
             seen.update(self.logs(robot, within))
-            return behind(seen)
+            late = {name: until + 0.5 - evidence.newest(seen.get(name, []), key) for name, key in wanted.items()}
+            return {name: round(seconds, 1) for name, seconds in late.items() if seconds > 0}
 
-        wait_until(
-            look, lambda late: not late, patience, f"accounts of {robot} past the update (seconds behind)", pause=1
-        )
+        what = f"accounts of {robot} past the update (seconds behind)"
+        wait_until(behind, lambda late: not late, patience, what, pause=1)
         # a sensor that skipped readings may say so later than their subscriber notes what it lacks
         ends = [evidence.newest(seen.get(name, [])) for name in (evidence.STATS, evidence.PUBLISHED)]
         return evidence.losses(seen, since, min(end for end in ends if end > until))

@@ -214,19 +214,13 @@ MARKS = {"proven": [pytest.mark.faults]}  # of the other ones a cancelled job's 
 
 def wait_for_sign(fleet: Fleet, update: Running | Job, app: str, sign: str, history: str) -> None:
     """Until the playbook has come so far."""
-
-    def kept() -> str:
-        return fleet.cluster.history("robot1", app)
-
-    def pods() -> list[Any]:
-        return list(fleet.cluster.pods("robot1")[app])
-
+    there = fleet.cluster
     if sign not in IN_THE_CLUSTER:
         update.wait_for(sign)
     elif sign == "history":  # the first of the objects that are applied in one call
-        wait_until(kept, lambda seen: seen != history, 300, f"a new history of {app}", pause=0.01)
+        wait_until(lambda: there.history("robot1", app), lambda seen: seen != history, 300, "a new history", pause=0.01)
     else:
-        wait_until(pods, lambda seen: len(seen) == 2, 300, f"two pods of {app}", pause=0.01)
+        wait_until(lambda: there.pods("robot1")[app], lambda seen: len(seen) == 2, 300, "two pods", pause=0.01)
 
 
 @pytest.mark.parametrize("phase", [pytest.param(one, marks=MARKS.get(one, [])) for one in PHASES])

@@ -78,10 +78,10 @@ def start(fleet: Fleet, kill: Kill, wanted: Variables) -> Running:
     return fleet.playbooks.start(kill.playbook, {**wanted, **ALL_AT_ONCE, **patience}, "-v", *limit)
 
 
-def batches(kills: Sequence[Kill]) -> Iterator[Sequence[Kill]]:
-    """Those whose runs go at the same time: the machine is not what is tested."""
+def batches(fleet: Fleet, kills: Sequence[Kill], wanted: Mapping[Kill, Variables]) -> Iterator[Mapping[Kill, Running]]:
+    """Their runs, as many as may go at the same time: the machine is not what is tested."""
     for at in range(0, len(kills), AT_ONCE):
-        yield kills[at : at + AT_ONCE]
+        yield {kill: start(fleet, kill, wanted[kill]) for kill in kills[at : at + AT_ONCE]}
 
 
 def usual_seconds(fleet: Fleet, robots: list[str]) -> float:
@@ -101,23 +101,17 @@ def usual_seconds(fleet: Fleet, robots: list[str]) -> float:
 
 def ended(fleet: Fleet, kills: Sequence[Kill], wanted: Mapping[Kill, Variables]) -> dict[Kill, Run]:
     """Their runs, to the end."""
-    found = {}
-    for batch in batches(kills):
-        runs = {kill: start(fleet, kill, wanted[kill]) for kill in batch}
-        found.update({kill: running.finish() for kill, running in runs.items()})
-    return found
+    return {kill: run.finish() for runs in batches(fleet, kills, wanted) for kill, run in runs.items()}
 
 
 def killed(fleet: Fleet, kills: Sequence[Kill], wanted: Mapping[Kill, Variables], seconds: float) -> dict[Kill, str]:
     """Their runs, each killed at its moment; the last line that each printed."""
     found = {}
-    for batch in batches(kills):
-        began = time.monotonic()
-        runs = {kill: start(fleet, kill, wanted[kill]) for kill in batch}
-        for kill in sorted(batch, key=lambda one: one.moment):
-            time.sleep(max(0.0, began + kill.moment * seconds - time.monotonic()))  # the moment is the case
-            runs[kill].kill()
-            found[kill] = (runs[kill].output.strip().splitlines() or [""])[-1]
+    for runs in batches(fleet, kills, wanted):
+        for kill, run in sorted(runs.items(), key=lambda one: one[0].moment):
+            time.sleep(max(0.0, run.began + kill.moment * seconds - time.time()))  # the moment is the case
+            run.kill()
+            found[kill] = (run.output.strip().splitlines() or [""])[-1]
     return found
 
 
