@@ -35,6 +35,13 @@ def clock() -> Clock:
     return Clock()
 
 
+@pytest.fixture
+def ours(server: Server) -> Iterator[KubeCluster]:
+    server.put("/api/v1/namespaces/r", {"metadata": {}})
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        yield KubeCluster(kube, lambda _text: None, "us")
+
+
 class Lease:
     """What the API says of it, and how long it takes for that; None: it cannot be reached."""
 
@@ -110,7 +117,7 @@ def lapsing(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lapsing]:
 def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lapsing) -> None:
     said = list[str]()
     kube = Kube({"host": lapsing.url, "api_key": "t"}, say=said.append, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, said.append, "us")
+    ours = KubeCluster(kube, said.append, "us")
     with ours.claim("r"):
         lapsing.gone = True
         lapsing.lists["/api/v1/namespaces/r/configmaps"] = [MAP]
@@ -127,7 +134,7 @@ def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lap
 
 def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> None:
     kube = Kube({"host": lapsing.url, "api_key": "t"}, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, print, "us")
+    ours = KubeCluster(kube, print, "us")
     with ours.claim("r"):
         lapsing.gone = True
         mine = lapsing.find(LEASE_PATH)
@@ -155,52 +162,44 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
             one.confirm()
 
 
+def leased(server: Server, holder: str, seconds: int = 15, renewed: int = 0) -> None:
+    """Somebody has written the Lease, at noon of a day and some microseconds."""
+    spec = {"holderIdentity": holder, "leaseDurationSeconds": seconds, "acquireTime": "noon"}
+    written = {**spec, "renewTime": f"2026-07-01T00:00:00.{renewed:06}Z"}
+    server.put(LEASE_PATH, {"metadata": {"namespace": "r"}, "spec": written})
+
+
 def test_the_hold_of_another_tool_is_not_waited_for_but_after_its_end(
-    server: Server, monkeypatch: pytest.MonkeyPatch
+    server: Server, ours: KubeCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    server.put("/api/v1/namespaces/r", {"metadata": {}})
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
-        ours = KubeCluster(kube, lambda _text: None, "us")
-        spec = {"holderIdentity": "rosops-may/apt", "leaseDurationSeconds": 600, "acquireTime": "noon"}
-        server.put(
-            LEASE_PATH, {"metadata": {"namespace": "r"}, "spec": {**spec, "renewTime": "2026-07-01T00:00:00.000000Z"}}
-        )
-        monkeypatch.setattr(time, "time", lambda: 1782864000.0 + 599)
-        monkeypatch.setattr(time, "sleep", lambda _seconds: pytest.fail("it waits"))
-        told = "rosops-may/apt holds this robot since noon; let that end"
-        with pytest.raises(HeldError, match=told), ours.claim("r"):
-            pytest.fail("the owner has it")
-        # a keeper would have freed it by now; where there is none it ends as that of a run
-        monkeypatch.setattr(time, "time", lambda: 1782864000.0 + 600)
-        free = {"metadata": {"namespace": "r"}, "spec": {"holderIdentity": ""}}
-        monkeypatch.setattr(time, "sleep", lambda _seconds: server.put(LEASE_PATH, free))
-        with ours.claim("r"):
-            assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
+    leased(server, "rosops-may/apt", seconds=600)
+    monkeypatch.setattr(time, "time", lambda: 1782864000.0 + 599)
+    monkeypatch.setattr(time, "sleep", lambda _seconds: pytest.fail("it waits"))
+    told = "rosops-may/apt holds this robot since noon; let that end"
+    with pytest.raises(HeldError, match=told), ours.claim("r"):
+        pytest.fail("the owner has it")
+    # a keeper would have freed it by now; where there is none it ends as that of a run
+    monkeypatch.setattr(time, "time", lambda: 1782864000.0 + 600)
+    monkeypatch.setattr(time, "sleep", lambda _seconds: leased(server, ""))
+    with ours.claim("r"):
+        assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
 
 
 @pytest.mark.parametrize(("looks", "told"), [(4, ""), (9999, "ros-keeper changes this robot since noon")])
 def test_a_keeper_that_takes_back_what_a_killed_run_left_is_waited_for_and_not_for_ever(
-    server: Server, monkeypatch: pytest.MonkeyPatch, looks: int, told: str
+    server: Server, ours: KubeCluster, monkeypatch: pytest.MonkeyPatch, looks: int, told: str
 ) -> None:
-    server.put("/api/v1/namespaces/r", {"metadata": {}})
-    of_killed = {"leaseDurationSeconds": 15, "acquireTime": "noon", "renewTime": "2026-07-01T00:00:00.000000Z"}
     pauses = list[float]()
-
-    def hold(holder: str) -> None:
-        spec = {**of_killed, "holderIdentity": holder, "renewTime": f"2026-07-01T00:00:00.{len(pauses):06}Z"}
-        server.put(LEASE_PATH, {"metadata": {"namespace": "r"}, "spec": spec})
 
     def pause(seconds: float) -> None:
         pauses.append(seconds)
-        hold("ros-keeper" if len(pauses) < looks else "")
+        leased(server, "ros-keeper" if len(pauses) < looks else "", renewed=len(pauses))
 
-    hold("a run that was killed")
+    leased(server, "a run that was killed")
     monkeypatch.setattr(time, "time", lambda: 1782864000.0)
     monkeypatch.setattr(time, "sleep", pause)
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
-        claim = KubeCluster(kube, lambda _text: None, "us").claim("r")
-        with pytest.raises(HeldError, match=told) if told else contextlib.nullcontext(), claim:
-            assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
+    with pytest.raises(HeldError, match=told) if told else contextlib.nullcontext(), ours.claim("r"):
+        assert server.find(LEASE_PATH)["spec"]["holderIdentity"] == "us"
     assert sum(pauses) == pytest.approx(cluster.KEEPER_SECONDS if told else 2.0, abs=1.0)
 
 
@@ -209,7 +208,7 @@ def test_the_time_of_a_claim_begins_before_it_is_asked_for(
 ) -> None:
     acquire = cluster.Lease.acquire
     monkeypatch.setattr(cluster.Lease, "acquire", lambda lease: (clock.sleep(SURE_SECONDS), acquire(lease))[1])
-    ours = cluster.KubeCluster(Kube({"host": lapsing.url, "api_key": "t"}), print, "us")
+    ours = KubeCluster(Kube({"host": lapsing.url, "api_key": "t"}), print, "us")
     with ours.claim("r"):
         before = len(lapsing.tried)
         ours.confirm()
@@ -226,12 +225,6 @@ def node(name: str, server: bool, ready: str = "True") -> dict[str, Any]:
     conditions = [{"type": "Ready", "status": ready, "message": "kubelet stopped"}]
     status = {"nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"}, "conditions": conditions}
     return {"metadata": {"name": name, "labels": labels, "uid": name}, "status": status}
-
-
-@pytest.fixture
-def ours(server: Server) -> Iterator[KubeCluster]:
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
-        yield KubeCluster(kube, lambda _text: None, "us")
 
 
 def test_when_a_kubelet_was_heard_of(server: Server, ours: KubeCluster) -> None:
@@ -293,12 +286,8 @@ def test_it_ticks_until_the_block_ends() -> None:
 
 
 def labelled(**labels: str) -> dict[str, Any]:
-    return {
-        "metadata": {
-            "name": "n",
-            "labels": {f"node-restriction.kubernetes.io/rosops-{k}": v for k, v in labels.items()},
-        }
-    }
+    own = {f"node-restriction.kubernetes.io/rosops-{name}": value for name, value in labels.items()}
+    return {"metadata": {"name": "n", "labels": own}}
 
 
 @pytest.mark.parametrize(
