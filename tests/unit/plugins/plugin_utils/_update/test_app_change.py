@@ -144,15 +144,6 @@ def test_a_step_says_what_it_leads_from_and_to_and_how() -> None:
     assert (step.before["planner"]["image"], step.after["planner"]["image"]) == (OLD, image("good"))
 
 
-def test_a_step_that_is_taken_up_leaves_no_goal_behind() -> None:
-    """The keeper waits for a server that comes; this one was there before the run that proves it."""
-    for at in range(1, 30):
-        sim, wanted = begin("drain", "good")
-        sim.run(wanted, settings(), "killed", at)
-        assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
-        assert not sim.holds, at
-
-
 @pytest.mark.parametrize("after", ["1", "3", "5", "8", "5-once"])
 @pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
 def test_a_version_that_ends_some_seconds_after_its_start_goes_back(name: str, after: str) -> None:
