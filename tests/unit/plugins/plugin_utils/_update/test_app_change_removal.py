@@ -30,10 +30,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.world import KILLS, S
 SHARE = 1 if ALL else 16
 ALL = Request(remove=("all",))
 SENSOR = app("sensor", OLD)
-WHOLE = {
-    "ports": [{"name": "web", "port": 80}],
-    "files": [{"path": "/etc/stats.yaml", "content": "a"}],
-}
+WHOLE = {"ports": [{"name": "web", "port": 80}], "files": [{"path": "/etc/stats.yaml", "content": "a"}]}
 KINDS: dict[str, dict[str, Any]] = {
     "overlap": app("stats", OLD, depends_on=["sensor"], **WHOLE),
     "drain": app("planner", OLD, pattern="action", readiness={"actions": ["plan"]}),

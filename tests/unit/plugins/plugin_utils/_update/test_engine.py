@@ -39,12 +39,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     settings,
     strikes,
 )
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import (
-    FAULTS,
-    KILLS,
-    RESTARTED_APPS,
-    Simulation,
-)
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import FAULTS, KILLS, RESTARTED_APPS, Simulation
 from hypothesis import HealthCheck
 from hypothesis import settings as bounds
 from hypothesis import strategies as st

@@ -355,13 +355,7 @@ def gone(before: Robot, now: Robot, running: Robot | None, parts: Sequence[str])
             ["fleet/map.ports"],
         ),
         # of two robots, what one admits
-        (
-            robot(master=SHARED, admits=["192.0.2.0/24"]),
-            robot(master=SHARED),
-            None,
-            PARTS[:-1],
-            ["fleet/robot-robot1"],
-        ),
+        (robot(master=SHARED, admits=["192.0.2.0/24"]), robot(master=SHARED), None, PARTS[:-1], ["fleet/robot-robot1"]),
     ],
 )
 def test_policies_that_are_not_wanted_any_more(

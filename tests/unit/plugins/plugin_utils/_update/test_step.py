@@ -197,11 +197,7 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
     before, after = (robot(app("sensor"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
     _keeper, step = planned(after, applied(before)).steps
     objects = [(item["kind"], item["metadata"]["name"]) for item in step_objects(step, {}, 0.1, 180.0, 1000.0)]
-    assert objects == [
-        ("ConfigMap", "ros-master-update"),
-        ("Deployment", "ros-master"),
-        ("Service", "ros-master"),
-    ]
+    assert objects == [("ConfigMap", "ros-master-update"), ("Deployment", "ros-master"), ("Service", "ros-master")]
     other = sensor_step()
     gate = gate_of(step, graph_of(other), Live())
     conditions = proof(step, gate, 0.1)
@@ -225,11 +221,7 @@ def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
     (old,) = step.old_nodes.values()
     graph = graph_of(step)
     later = {
-        "/temperature": {
-            "rates": {"/other": 20.0},
-            "unsteady": {"/third": 5.0, old: 499.0},
-            "latched": ["/other"],
-        },
+        "/temperature": {"rates": {"/other": 20.0}, "unsteady": {"/third": 5.0, old: 499.0}, "latched": ["/other"]},
         "/new": {"rates": {"/other": 1.0}},
     }
     found = with_rates(graph_from(graph), graph_from({"topics": later}))
