@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,12 +18,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import 
     World,
     look_seconds,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import EPOCH, FOREVER, image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     EVERY,
     OLD,
+    SCENARIOS,
     begin,
     one,
     outcome_of,
@@ -31,7 +32,7 @@ from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     settings,
     spied,
 )
-from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedHost, Simulation
+from ansible_collections.rosops.fleet.tests.unit.simulated.world import SimulatedCluster, SimulatedHost, Simulation
 
 
 def busy(seconds: float) -> tuple[Simulation, Robot]:
@@ -187,47 +188,21 @@ def test_a_step_is_not_begun_after_its_window_but_the_way_back_is() -> None:
     assert (found.outcome, wanted.windows.opens_at(sim.wall()) > sim.wall()) == ("rolled-back", True)
 
 
-class Quiet:
-    """A robot at rest, whose keeper holds whatever it is asked to."""
-
-    def __init__(self) -> None:
-        self.held: set[str] = set()
-
-    def door(self, _robot: Robot) -> None:
-        pass
-
-    def by(self, _door: None, _trace: Callable[[str], None]) -> Quiet:
-        return self
-
-    def now(self) -> float:
-        return 0.0
-
-    def wall(self) -> float:
-        return 0.0
-
-    def confirm(self) -> None:
-        pass
-
-    def hold(self, _master: str, _keeper: str, calm: Calm, seconds: float, _timeout: float) -> Seen:
-        asked = [str(action["name"]) for action in calm.actions if seconds]
-        self.held |= {*asked}
-        return Seen("pass")
-
-    def release(self, _keeper: str, actions: Sequence[Object]) -> None:
-        self.held -= {str(action["name"]) for action in actions}
-
-
 def test_all_that_was_held_in_a_step_is_let_go() -> None:
     """The way back asks for what the new version serves; what was held for the old one is held still."""
-    quiet: Any = Quiet()
-    rest = Rest(Hands(robot(), Settings(), quiet, World(quiet, quiet)), "defer", None)
-    rest.idle(Calm([{"name": "/plan", "server": "/planner"}, {"name": "/dock", "server": "/planner"}]), "waits")
-    rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits")
-    assert quiet.held == {"/plan", "/dock"}
+    sim, (one, other) = Simulation(), (SCENARIOS[name].robot(OLD) for name in ("drain", "launch-held"))
+    both = replace(one, apps=(*one.apps, *other.apps))
+    sim.install(both)
+    hands = Hands(both, Settings(), SimulatedCluster(sim), World(SimulatedHost(sim), sim))
+    hands.live, rest = hands.read(), Rest(hands, "defer", None)
+    served = [{"name": name, "server": node} for node, process in sim.registered.items() for name in process.actions]
+    rest.idle(Calm(served), "waits")
+    rest.idle(Calm(served[:1]), "waits")
+    assert {*sim.holds} == {"/plan", "/lift"}
     rest.release()
-    assert not quiet.held
-    rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits", hold=False)  # whoever only looks
-    assert not (quiet.held or rest.held)
+    assert not sim.holds
+    rest.idle(Calm(served), "waits", hold=False)  # whoever only looks
+    assert not (sim.holds or rest.held)
 
 
 @pytest.mark.parametrize(
