@@ -133,10 +133,6 @@ def rendered(robot: Robot) -> Desired:
     return found
 
 
-def keeper_key(robot: Robot) -> Key:
-    return context.master_namespace(robot), KEEPER
-
-
 def all_of(desired: Desired) -> list[Object]:
     return [item for objects in desired.values() for item in objects]
 
@@ -165,7 +161,7 @@ def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, dr
     ]  # fmt: skip
     if request.to:
         return Plan(_back(there, asked, request))
-    known = {*map(key_of, deployments_of(all_of(desired))), keeper_key(robot)}
+    known = {*map(key_of, deployments_of(all_of(desired))), (context.master_namespace(robot), KEEPER)}
     orphans = sorted(key[1] for key in running if key not in known and key[1] != EXPORTER)
     plan = _with_removals(Plan(there.steps(asked), orphans, _exporters(live, request)), robot, live, request)
     return replace(plan, remnants=[*plan.remnants, *_policies(robot, live, request, plan.orphans)])
@@ -389,7 +385,7 @@ def _with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pl
     # a master of its own, of a robot that has another one by now
     left = NAMES if robot.master.mode != "robot" else ()
     stays = {"", *wanted, *(set(SERVING) - {*left})}
-    shows = keeper_key(robot)  # of an external master, by a name that a keeper may have had
+    shows = context.master_namespace(robot), KEEPER  # of an external master, by a name that a keeper may have had
 
     def goes(item: Object) -> bool:
         app = app_of(item) or files_owner(item)[1]

@@ -130,11 +130,7 @@ def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept
 
 
 def _contracts(
-    step: Step,
-    graph: Graph,
-    own: Mapping[str, Sequence[str]],
-    kept: Mapping[str, Contract],
-    follows: Succession,
+    step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept: Mapping[str, Contract], follows: Succession
 ) -> dict[str, Contract]:
     """App -> its part of the graph, under the names that the new revision will have.
 
