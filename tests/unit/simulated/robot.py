@@ -106,9 +106,7 @@ class Offer:
     services: Sequence[str] = ()
     actions: Sequence[str] = ()
     moving: Mapping[str, float] = field(default_factory=dict)  # topic -> Hz while a goal is under way, else nothing
-    held: Sequence[
-        str
-    ] = ()  # actions of another node of its launch file, which begins at that of the old version's end
+    held: Sequence[str] = ()  # actions of another node of its launch file, which waits for the old version's to end
 
 
 OFFERS = {
@@ -252,11 +250,7 @@ class SimulatedRobot:
     def reconcile(self, key: tuple[str, str]) -> None:
         """What the Deployment's controller does next."""
         wanted, pods = self.deployment(key), self.of(key)
-        if wanted is None:
-            for pod in pods:
-                self.stop(pod)
-            return
-        if not wanted["spec"].get("replicas", 1):
+        if wanted is None or not wanted["spec"].get("replicas", 1):
             for pod in pods:
                 self.stop(pod)
             return
@@ -432,7 +426,7 @@ class SimulatedRobot:
         return self.broken_promise(pod, process)
 
     def broken_promise(self, pod: Pod, process: Process) -> str:
-        contract = self.contract(pod)
+        contract = self.promised(pod.key[0], pod.app)
         judged = not contract or contract.get("proven") or contract.get("soak")
         if judged or contract["revision"] != pod.revision:
             return self.less_than_beside(pod, process, "" if judged else contract["revision"])
@@ -458,9 +452,6 @@ class SimulatedRobot:
     def hertz(self, process: Process, topic: str) -> float:
         at_work = any(goal.process is process and not goal.ended for goal in self.goals)
         return 0.0 if topic in process.moving and not at_work else process.topics.get(topic, 0.0)
-
-    def contract(self, pod: Pod) -> Any:
-        return self.promised(pod.key[0], pod.app)
 
     def promised(self, namespace: str, app: str) -> Any:
         return json.loads(self.update_map(namespace, app)["data"]["contract.json"])

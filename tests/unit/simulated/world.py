@@ -339,18 +339,15 @@ class Simulation(SimulatedRobot):
         if words.UPDATING in item["metadata"]["annotations"] or (key, template) in self.proven:
             return
         pods = self.of(key)
+        bad = f"{key} is no proven version"
         if self.disturbed:  # by then there may be another pod of it, at which nobody has looked
             pods = [pod for pod in pods if pod.template == template]
-            assert all(pod.version.good for pod in pods), f"{key} is no proven version, for it is a bad one"
         else:
             there = self.objects["Deployment", *key]
-            assert [pod.hash for pod in pods] == [kubernetes_hash(there)], (
-                f"{key} is no proven version: there are {pods}"
-            )
-        for pod in () if self.disturbed else pods:
-            assert pod.ready, f"{key} is no proven version, for it is not ready"
-            assert pod.version.good, f"{key} is no proven version, for it is a bad one"
-            assert self.time - pod.since >= self.verify_seconds, f"{key} is no proven version, for nobody looked at it"
+            assert [pod.hash for pod in pods] == [kubernetes_hash(there)], f"{bad}: there are {pods}"
+            assert all(pod.ready for pod in pods), f"{bad}, for it is not ready"
+            assert all(self.time - pod.since >= self.verify_seconds for pod in pods), f"{bad}, for nobody looked at it"
+        assert all(pod.version.good for pod in pods), f"{bad}, for it is a bad one"
         self.proven.add((key, template))
 
     # --- the truth of a word ----------------------------------------------------------------------------------------
