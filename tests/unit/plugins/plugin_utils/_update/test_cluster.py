@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
@@ -42,39 +43,25 @@ def ours(server: Server) -> Iterator[KubeCluster]:
         yield KubeCluster(kube, lambda _text: None, "us")
 
 
-class Lease:
-    """What the API says of it, and how long it takes for that; None: it cannot be reached."""
-
-    def __init__(self, clock: Clock) -> None:
-        self.clock, self.takes, self.renewed = clock, 0.0, 0
-        self.found: Hold | None = Hold(True, "us")
-
-    def renew(self) -> Hold:
-        self.renewed += 1
-        self.clock.sleep(self.takes)
-        if self.found is None:
-            raise KubeError("the API cannot be reached")
-        return self.found
-
-
 def test_within_its_time_nobody_else_can_have_it_and_after_it_the_api_says_whose_it_is(clock: Clock) -> None:
     """It began when the renewal was sent: the answer may have come long after the API server wrote it."""
-    lease = Lease(clock)
-    mine, other = (_Claim(lease, clock.now) for _run in range(2))  # type: ignore[arg-type]
+    lease = Mock()
+    mine, other = (_Claim(lease, clock.now) for _run in range(2))
     clock.time = SURE_SECONDS - 0.1
     mine.confirm()
-    assert lease.renewed == 0
-    clock.time, lease.takes = SURE_SECONDS, 8.0
+    assert not lease.renew.called
+    clock.time = SURE_SECONDS
+    lease.renew.side_effect = lambda: (clock.sleep(8.0), Hold(True, "us"))[1]
     mine.confirm()  # nobody wanted it
-    lease.found, lease.takes, clock.time = None, 0.0, 2 * SURE_SECONDS
+    clock.time = 2 * SURE_SECONDS
+    # what was lost once stays lost
+    lease.renew.side_effect = [KubeError("away"), Hold(False, "laptop, process 7", "noon"), Hold(True, "us")]
     with pytest.raises(KubeError):
         mine.confirm()
-    lease.found = Hold(False, "laptop, process 7", "noon")
-    for _time in range(2):  # what was lost once stays lost
+    for _time in range(2):
         with pytest.raises(LostError, match="laptop, process 7 has this robot since noon"):
             mine.confirm()
-        lease.found = Hold(True, "us")
-    lease.found = Hold(False, "")  # taken, and let go
+    lease.renew.side_effect = [Hold(False, "")]  # taken, and let go
     with pytest.raises(LostError, match="another one had this robot"):
         other.confirm()
 

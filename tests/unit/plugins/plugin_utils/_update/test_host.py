@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
+from unittest.mock import Mock, call
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
@@ -17,39 +17,24 @@ MASTER, KEEPER = "http://10.43.0.1:11311", "http://10.43.0.2:11411"
 REST = [{"name": "/plan", "server": "/planner"}, {"name": "/dock"}]
 
 
-class Jobs:
-    """Notes what is run, and answers what it was told to."""
-
-    def __init__(self, **answer: Any) -> None:
-        self.answer, self.ran = answer, list[tuple[str, dict[str, Any]]]()
-
-    def run(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        self.ran.append((name, dict(arguments)))
-        return self.answer
-
-
-def job(name: str, **arguments: Any) -> tuple[str, dict[str, Any]]:
-    return name, arguments
-
-
-def host(jobs: Jobs) -> RobotSide:
-    return RobotSide(lambda: None, jobs.run, lambda _images: None)
+def host(job: Mock) -> RobotSide:
+    return RobotSide(Mock(), job, Mock())
 
 
 def test_the_graph_is_asked_for_with_all_that_a_contract_holds() -> None:
-    jobs = Jobs(graph={"nodes": {"/lidar": {"uri": "http://a:1/", "pid": 1}}})
-    assert host(jobs).graph(MASTER).node("/lidar").reachable
-    host(jobs).graph(MASTER, 2.0, ["/lidar"])
+    job = Mock(return_value={"graph": {"nodes": {"/lidar": {"uri": "http://a:1/", "pid": 1}}}})
+    assert host(job).graph(MASTER).node("/lidar").reachable
+    host(job).graph(MASTER, 2.0, ["/lidar"])
     rates = {"rates": True, "rate_seconds": 2.0, "rate_nodes": ["/lidar"]}
-    assert jobs.ran == [
-        ("graph", {"master_uri": MASTER, "md5sums": True}),
-        ("graph", {"master_uri": MASTER, **rates}),
+    assert job.mock_calls == [
+        call("graph", {"master_uri": MASTER, "md5sums": True}),
+        call("graph", {"master_uri": MASTER, **rates}),
     ]
 
 
 @pytest.mark.parametrize(("answer", "message"), [({"msg": "no master"}, "no master"), ({}, "without a word")])
 def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str) -> None:
-    asked = host(Jobs(failed=True, **answer))
+    asked = host(Mock(return_value={"failed": True, **answer}))
     for ask in (
         lambda: asked.graph(MASTER, 1.0),
         lambda: asked.release(KEEPER, REST),
@@ -61,79 +46,62 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
 
 
 def test_goals_are_held_and_let_go() -> None:
-    jobs, when = Jobs(verdict="wait", reason="/plan is busy", failed=True), [{"topic": "/battery", "above": 0.4}]
+    job, when = Mock(), [{"topic": "/battery", "above": 0.4}]
+    job.return_value = {"verdict": "wait", "reason": "/plan is busy", "failed": True}
     at, asked = {"master_uri": MASTER, "keeper_uri": KEEPER}, {"seconds": 60.0, "timeout": 8.0, "interval": 0.2}
-    assert host(jobs).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0) == Seen("wait", "/plan is busy")
-    host(jobs).hold(MASTER, "", Calm([], when), 60.0, 8.0)  # without a keeper nothing is held, or let go
-    host(jobs).release("", REST)
-    assert jobs.ran == [
-        job("hold", **at, actions=REST, **asked),
-        job("hold", master_uri=MASTER, actions=[], values=when, **asked),
+    assert host(job).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0) == Seen("wait", "/plan is busy")
+    host(job).hold(MASTER, "", Calm([], when), 60.0, 8.0)  # without a keeper nothing is held, or let go
+    host(job).release("", REST)
+    job.return_value = {}
+    host(job).release(KEEPER, REST)
+    assert job.mock_calls == [
+        call("hold", {**at, "actions": REST, **asked}),
+        call("hold", {"master_uri": MASTER, "actions": [], "values": when, **asked}),
+        call("release", {"keeper_uri": KEEPER, "actions": ["/plan", "/dock"], "timeout": 30.0, "interval": 0.2}),
     ]
-    jobs = Jobs()
-    host(jobs).release(KEEPER, REST)
-    asked = {"actions": ["/plan", "/dock"], "timeout": 30.0, "interval": 0.2}
-    assert jobs.ran == [job("release", keeper_uri=KEEPER, **asked)]
 
 
 def test_conditions_are_waited_for() -> None:
-    jobs = Jobs(verdict="pass", msg="all there")
-    seen = host(jobs).ready(MASTER, {"nodes": ["/a"]}, 9.0, 2.0)
-    assert seen == Seen("pass", "all there")
+    job = Mock(return_value={"verdict": "pass", "msg": "all there"})
+    assert host(job).ready(MASTER, {"nodes": ["/a"]}, 9.0, 2.0) == Seen("pass", "all there")
     asked = {"master_uri": MASTER, "nodes": ["/a"], "timeout": 9.0, "stable": 2.0, "interval": 0.2}
-    assert jobs.ran == [("ready", asked)]
+    job.assert_called_once_with("ready", asked)
 
 
 def test_a_module_that_breaks_off_has_not_passed() -> None:
-    broken = host(Jobs(failed=True, msg="no Python"))
+    broken = host(Mock(return_value={"failed": True, "msg": "no Python"}))
     assert broken.ready(MASTER, {}, 1.0) == Seen("fail", "no Python")
     assert broken.hold(MASTER, KEEPER, Calm(REST), 60.0, 1.0) == Seen("fail", "no Python")
 
 
 def test_registrations_are_given_and_taken() -> None:
-    jobs = Jobs()
-    host(jobs).register(MASTER, Graph(), ["/a"])
-    host(jobs).register(MASTER, Graph())
-    host(jobs).reap(MASTER, ["/b"], ["10.42.0.7"])
-    assert jobs.ran == [
-        job("register", master_uri=MASTER, graph=graph_data(Graph()), nodes=["/a"]),
-        job("register", master_uri=MASTER, graph=graph_data(Graph()), nodes=[]),
-        job("reap", master_uri=MASTER, nodes=["/b"], hosts=["10.42.0.7"]),
+    job, graph = Mock(return_value={}), graph_data(Graph())
+    host(job).register(MASTER, Graph(), ["/a"])
+    host(job).register(MASTER, Graph())
+    host(job).reap(MASTER, ["/b"], ["10.42.0.7"])
+    assert job.mock_calls == [
+        call("register", {"master_uri": MASTER, "graph": graph, "nodes": ["/a"]}),
+        call("register", {"master_uri": MASTER, "graph": graph, "nodes": []}),
+        call("reap", {"master_uri": MASTER, "nodes": ["/b"], "hosts": ["10.42.0.7"]}),
     ]
-
-
-class KeeperOf:
-    """A door that answers, or does not."""
-
-    def __init__(self, jobs: Jobs, away: str = "") -> None:
-        self.jobs, self.away, self.asked = jobs, away, 0
-
-    def there(self) -> None:
-        self.asked += 1
-        if self.away:
-            raise KubeError(self.away)
-
-    def job(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        self.there()
-        return self.jobs.run(name, arguments)
 
 
 @pytest.mark.parametrize("away", ["", "no endpoints available"])
 def test_the_keeper_is_asked_and_the_host_where_the_keeper_does_not_answer(away: str) -> None:
-    keeper, on_host, reached, told = Jobs(verdict="pass"), Jobs(verdict="wait"), list[str](), list[str]()
-    robot = RobotSide(lambda: reached.append("host"), on_host.run, lambda _images: None)
-    door = KeeperOf(keeper, away)
-    asked = robot.by(door, told.append)
+    there, on_host, told, door = Mock(), Mock(return_value={"verdict": "wait"}), Mock(), Mock()
+    door.job.return_value = {"verdict": "pass"}
+    door.there.side_effect = door.job.side_effect = KubeError(away) if away else None
+    asked = RobotSide(there, on_host, Mock()).by(door, told)
     asked.there()
     assert asked.ready(MASTER, {}, 1.0).verdict == ("wait" if away else "pass")
-    assert (bool(reached), len(keeper.ran), len(on_host.ran), door.asked) == (bool(away), not away, bool(away), 2)
-    assert told == ([f"ready on its host: {away}"] if away else [])
+    assert (there.call_count, on_host.mock_calls) == ((1, door.job.mock_calls) if away else (0, []))
+    assert (door.there.call_count, door.job.call_count) == (1, 1)
+    assert told.mock_calls == ([call(f"ready on its host: {away}")] if away else [])
 
 
 def test_what_the_keeper_says_went_wrong_is_not_asked_of_the_host() -> None:
-    on_host = Jobs()
-    door = KeeperOf(Jobs(failed=True, msg="another run changes this robot"))
-    asked = RobotSide(lambda: None, on_host.run, lambda _images: None).by(door, lambda _text: None)
+    on_host, door = Mock(), Mock()
+    door.job.return_value = {"failed": True, "msg": "another run changes this robot"}
     with pytest.raises(RosError, match="another run"):
-        asked.release(KEEPER, REST)
-    assert on_host.ran == []
+        host(on_host).by(door, Mock()).release(KEEPER, REST)
+    assert not on_host.called

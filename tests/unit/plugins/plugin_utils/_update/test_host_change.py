@@ -110,11 +110,15 @@ class Site(Simulation):
         self.calls, self.said, self.phases, self.faults = [], [], [], {at: fault}
         self.unheld, self.cancelled, self.begun, self.silent = True, False, self.time, 0.0
         since = more.pop("since", None)
-        limits = settings(**{"ready_timeout": 60.0, "since": {} if since is None else {Work.name: since}, **more})
+        limits = settings(**{"ready_timeout": 60.0, "since": {} if since is None else {"k3s": since}, **more})
         self.checking, self.forced = limits.check, limits.on_busy == "force"
         place = (HostCluster(self), self.robots) if cluster else ()
         was = self.there
-        change = HostChange(Work(self), limits, World(SimulatedHost(self), self, self.say, self.stands), *place)
+        work: Any = SimpleNamespace(
+            name="k3s", node="node1", before="v1.34.2", after=self.to, left=UNPROVEN, unproven=self.unproven,
+            make=self.make, works=self.works, undo=self.undo, proven=self.proves,
+        )  # fmt: skip
+        change = HostChange(work, limits, World(SimulatedHost(self), self, self.say, self.stands), *place)
         try:
             found = change.take()
         except Killed:
@@ -141,17 +145,6 @@ class Site(Simulation):
             assert "release" not in self.calls, "goals are let go that may be held for somebody else's change"
         elif self.unheld and word != "deferred-offline" and self.robot_until <= self.time:
             assert not self.mine(), f"{found}: goals are held still"
-
-
-class Work:
-    """A site's, as `HostChange` wants it."""
-
-    name, node, before, left = "k3s", "node1", "v1.34.2", UNPROVEN
-
-    def __init__(self, site: Site) -> None:
-        self.after = site.to
-        self.unproven, self.make, self.undo, self.works = site.unproven, site.make, site.undo, site.works
-        self.proven = site.proves
 
 
 class HostCluster(SimulatedCluster):
