@@ -151,7 +151,6 @@ class Pod:
     gate: bool  # the keeper says when it is Ready, and nothing of ours is in it
     process: Process | None = None
     held: Process | None = None  # of its launch file
-    boot: float = 0.0
     restarts: int = 0
     ready: bool = False
     since: float = 0.0  # ready
@@ -304,7 +303,6 @@ class SimulatedRobot:
         if pod.waits:
             self.later(WAITS, lambda: self.run_pod(pod))
             return
-        pod.boot = self.time
         start = pod.restarts
         if pod.restarts < pod.version.crashes:
             self.later(pod.version.crash_at, lambda: self.crash(pod, start))
@@ -474,13 +472,11 @@ class SimulatedRobot:
             self.kubelet(STOP, lambda: self.end(pod))
 
     def drain(self, pod: Pod, deadline: float) -> None:
-        if self.time < deadline and self.has_goal(pod):
+        works = any(goal.process is one and not goal.ended for one in pod.processes for goal in self.goals)
+        if self.time < deadline and works:
             self.later(PROBE, lambda: self.drain(pod, deadline))
         else:
             self.end(pod)
-
-    def has_goal(self, pod: Pod) -> bool:
-        return any(goal.process is one and not goal.ended for one in pod.processes for goal in self.goals)
 
     def end(self, pod: Pod) -> None:
         """Cleanly: its nodes leave the graph. Without a keeper nothing of ours sees the end of a pod with a gate."""

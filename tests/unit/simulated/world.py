@@ -95,7 +95,7 @@ class Simulation(SimulatedRobot):
     def __init__(self) -> None:
         super().__init__()
         self.skew = 0.0
-        self.api_since = self.api_until = -1.0
+        self.api_until = -1.0
         self.holder, self.renewed = "", FOREVER  # of the Lease; when it was renewed last, if nobody does any more
         self.claims = 0  # of the Lease, so far
         self.unlabelled = False  # nodes have the labels of 1.0 alone
@@ -263,7 +263,6 @@ class Simulation(SimulatedRobot):
     def strike(self, fault: str, name: str) -> None:
         """What comes before the call does anything."""
         now, cluster = self.time, name in CLUSTER_CALLS
-        self.api_since = now if fault.startswith("api-") else self.api_since
         self.api_until = {"api-blip": now + 5, "api-away": now + 45, "api-gone": FOREVER}.get(fault, self.api_until)
         self.robot_until = {"robot-away": now + 30, "robot-gone": FOREVER}.get(fault, self.robot_until)
         self.master_until = {"master-silent": now + 20, "master-gone": FOREVER}.get(fault, self.master_until)

@@ -167,15 +167,10 @@ def test_what_a_launch_file_started_is_found_by_its_pods_address() -> None:
     assert gate_of(step, launch_graph(), Live(pods=host_network)).calm.actions == []  # the host's address tells nothing
 
 
-def applied_by(step: Step, graph: dict[str, Any]) -> list[dict[str, Any]]:
-    contracts = gate_of(step, graph, Live()).contracts
-    return step_objects(step, contracts, 0.1, 180.0, 1000.0)
-
-
 def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     earlier = [entry(robot(app("sensor", *image)), "sensor") for image in [(), *((f"x.org/a:{n}",) for n in range(9))]]
     step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), update_map("sensor", earlier))
-    objects = applied_by(step, graph_of(step))
+    objects = step_objects(step, gate_of(step, graph_of(step), Live()).contracts, 0.1, 180.0, 1000.0)
     assert [item["metadata"]["name"] for item in objects] == ["sensor-update", "sensor"]
     contract = json.loads(objects[0]["data"]["contract.json"])
     assert contract["revision"] == step.after["sensor"]["revision"]
