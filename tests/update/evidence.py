@@ -10,12 +10,8 @@ from typing import Any
 
 from rosops_apps import goals, sequence
 
-STATS, PUBLISHED, REQUESTS, GOALS = (
-    "temperature-stats.jsonl",
-    "temperature-published.jsonl",
-    "add-two-ints.jsonl",
-    "prime-factors.jsonl",
-)
+STATS, PUBLISHED = "temperature-stats.jsonl", "temperature-published.jsonl"
+REQUESTS, GOALS = "add-two-ints.jsonl", "prime-factors.jsonl"
 SERVER = "prime-factors-server-"
 SUCCEEDED, ABANDONED = "succeeded", "abandoned"
 
@@ -92,7 +88,7 @@ def losses(logs: Logs, since: float, until: float) -> Losses:
     ]
     # over all of the time: a goal may have been started for the first time before it
     servers = [line for name, lines in logs.items() if name.startswith(SERVER) for line in lines]
-    recent = {line["goal"] for name, lines in within.items() if name.startswith(SERVER) for line in lines}
+    recent = {line["goal"] for line in servers if since <= line["time"] <= until}
     found.twice = [f"goal {goal} executed twice" for goal in goals.executed_twice(servers) if goal in recent]
     return found
 

@@ -34,10 +34,8 @@ def started(at: float, name: str) -> dict[str, Any]:
 
 WHOLE = [stats(1, [1, 10]), stats(2, [8, 30], node="/b"), stats(2.5, [11, 12])]  # what two received together
 HOLE = [stats(1, [1, 10]), stats(2, [14, 20])]
-GAVE_UP, TWO = (
-    [published(1, 0, [1, 10]), published(2, 2, [13, 20])],
-    [published(1, 0, [1, 10]), {**published(2, 0, [13, 20]), "node": "/q"}],
-)
+GAVE_UP = [published(1, 0, [1, 10]), published(2, 2, [13, 20])]
+TWO = [published(1, 0, [1, 10]), {**published(2, 0, [13, 20]), "node": "/q"}]
 
 
 @pytest.mark.parametrize(
