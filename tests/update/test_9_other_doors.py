@@ -167,11 +167,10 @@ def test_scale_to_none_and_back(fleet: Fleet) -> None:
     apps = [PUBLISHER, DRAINED]
     watch = fleet.watch()
     kubectl(fleet, f"scale {deployments(apps)} --replicas=0")
-    gone = wait_until(
+    wait_until(
         lambda: [pod for app in apps for pod in fleet.cluster.pods("robot1").get(app, [])],
         lambda left: not left, SECONDS, "no pod",
     )  # fmt: skip
-    assert gone == []
     (asked,) = fleet.pods()["robot1"]["add-two-ints-client"]
     nodes = fleet.cluster.ros_nodes("robot1", asked.name)
     left = [node for node in nodes if re.match(r"/(temperature_[0-9a-f]{8}|prime_factors\Z)", node)]
