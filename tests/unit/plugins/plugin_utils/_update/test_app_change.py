@@ -366,19 +366,11 @@ def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(
     more: list[dict[str, Any]], measured: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An action's server is measured in the rest that its own step waits for; nobody is measured twice."""
-
-    def of(image: str) -> Robot:
-        apps = [
-            app("sensor", image),
-            app("stats", image, depends_on=["sensor"]),
-            *({**one, "image": image} for one in more),
-        ]
-        return robot(*apps)
-
+    before, after = versions(app("sensor"), app("stats", depends_on=["sensor"]), *more)
     asked = spied(monkeypatch, SimulatedHost, "graph")
     sim = Simulation()
-    sim.install(of(OLD))
-    found = outcome_of(sim, of(image("good")))
+    sim.install(before)
+    found = outcome_of(sim, after)
     assert (found.outcome, len(found.steps)) == ("updated", 2 + len(more)), found.reason
     heard = [one["nodes"] for one in asked if one["nodes"]]
     assert [[node.strip("/").partition("_")[0] for node in nodes] for nodes in heard] == measured
