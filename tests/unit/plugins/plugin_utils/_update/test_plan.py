@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._step import words
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, name_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BACK_TO, SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -131,12 +131,8 @@ def test_what_the_keeper_took_back_is_planned_anew() -> None:
 
 def test_neither_goes_back_unless_it_is_named() -> None:
     before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
-    histories = [
-        update_map(name, [{"revision": "then", "deployment": item}])
-        for name, item in ((item["metadata"]["name"], item) for item in applied(before).deployments)
-        if name.startswith("ros-")
-    ]
-    live = applied(after, *histories)
+    there = {name_of(item): [{"revision": "then", "deployment": item}] for item in applied(before).deployments}
+    live = applied(after, *(update_map(name, there[name]) for name in ("ros-keeper", "ros-master")))
     assert step_names(planned(after, live, PREVIOUS)) == []
     assert step_names(planned(after, live, Request(to="previous", only=["ros-master"]))) == [["ros-master"]]
 

@@ -60,24 +60,13 @@ def gate_of(step: Step, graph: dict[str, Any], live: Live) -> Gate:
 def graph_of(step: Step, **more: Any) -> dict[str, Any]:
     """A sensor at 500 Hz with one subscriber of its own and a service."""
     (old,) = step.old_nodes.values()
-    graph = {
-        "nodes": {old: node(), "/listener": node()},
-        "topics": {
-            "/temperature": {
-                "type": "x/Temperature",
-                "md5sum": "abc",
-                "publishers": [old],
-                "subscribers": ["/listener"],
-                "connections": [{"publisher": old, "subscriber": "/listener"}],
-                "rates": {old: 500.0},
-            }
-        },
-        "services": {
-            "/calibrate": {"providers": [old], "provider": old, "type": "x/Srv", "up": True, "connections": None}
-        },
-        "actions": {},
-    }
-    return {**graph, **more}
+    topic = {
+        "type": "x/Temperature", "md5sum": "abc", "publishers": [old], "subscribers": ["/listener"],
+        "connections": [{"publisher": old, "subscriber": "/listener"}], "rates": {old: 500.0},
+    }  # fmt: skip
+    service = {"providers": [old], "provider": old, "type": "x/Srv", "up": True}
+    nodes = {old: node(), "/listener": node()}
+    return {"nodes": nodes, "topics": {"/temperature": topic}, "services": {"/calibrate": service}, **more}
 
 
 def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> None:
