@@ -37,7 +37,7 @@ BESIDE = {  # file -> other files of its room whose tests are its own, too
     "app_change": ["engine_soak"],
     "change": ["host_change", "app_change_install", "app_change"],
     "checks": ["gate"],
-    "hands": ["app_change_install"],
+    "hands": ["app_change_install", "app_change"],
     "manifests": ["step", "app_change"],
     "nodes": ["step"],
     "revisions": ["plan"],

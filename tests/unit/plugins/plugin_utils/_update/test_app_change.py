@@ -373,6 +373,7 @@ def test_rates_of_steps_that_wait_for_nobody_are_measured_at_once(
     found = outcome_of(sim, after)
     assert (found.outcome, len(found.steps)) == ("updated", 2 + len(more)), found.reason
     heard = [one["nodes"] for one in asked if one["nodes"]]
+    assert len(asked) - len(heard) == len(found.steps)  # what is known is not asked again before the first one
     assert [[node.strip("/").partition("_")[0] for node in nodes] for nodes in heard] == measured
 
 
