@@ -118,7 +118,8 @@ def messages(page: str) -> list[str]:
 def test_quoted_messages_are_in_the_code() -> None:
     quoted, code = messages((DOCS / "troubleshooting.md").read_text("utf-8")), "\0".join(in_the_code())
     assert len(quoted) > 30
-    assert [one for one in quoted if one not in code] == []
+    # a table's title is in capitals on the screen
+    assert [one for one in quoted if one not in code and one not in code.upper()] == []
 
 
 def test_a_message_that_nobody_writes_is_found() -> None:
