@@ -379,7 +379,7 @@ class App:
     network or ports, resources of a device plugin (GPUs), and a volume that both would write to."""
     node_name: Annotated[str, FORMS["node-name"], Follows(lambda said: ros_name(str(said["name"])))]
     """The ROS node's name, without a slash; without it the app's name with C(_) for C(-)."""
-    private_names: tuple[Annotated[str, FORMS["private-name"], lambda said: str(said).lstrip("~")], ...] = ()
+    private_names: tuple[Annotated[str, FORMS["private-name"], lambda said: str(said).lstrip("~/")], ...] = ()
     """Private names that stay below the stable node name when the handoff is V(overlap)."""
     volumes: tuple[Mount, ...] = ()
     """Volumes of V(persistent_storage) to mount."""

@@ -231,8 +231,8 @@ def read_by_keepers(
 ) -> dict[str, Result]:
     """What their keepers say of these graphs, as results of ros_graph_info, by robot.
 
-    All at once, through the API servers of the robots' clusters: `opened` has those whose hosts are there. One that is not answered is left out: it is for the
-    robot's own host.
+    All at once, through the API servers of the robots' clusters: `opened` has those whose hosts are there. One that is
+    not answered is left out: it is for the robot's own host.
     """
     found: dict[str, Result] = {}
     ours = {host.row.name: (host.robot, host.row.cluster) for host in hosts if host.robot and host.row.name in graphs}

@@ -39,6 +39,7 @@ def settings(**changes: Any) -> dict[str, Any]:
         ({"pattern": "pubsub", "readiness": GRIP},
          {"min_rates": {"/out": 5, "~own": 2}, "actions": ["/move", "~grip", "/arm"]}),
         ({"pattern": "pubsub", "readiness": GRIP, "private_names": ["own"]}, {"min_rates": {"/out": 5, "/a/own": 2}}),
+        ({"pattern": "pubsub", "readiness": GRIP, "private_names": ["~/own"]}, {"min_rates": {"/out": 5, "/a/own": 2}}),
         ({"pattern": "action", "readiness": GRIP}, {"actions": ["/move", "/a/grip", "/arm"]}),
         # a stop fits in the grace period
         ({"pattern": "action"}, {"stop_deadline": 30}),
