@@ -42,11 +42,18 @@ class Registrar(Master):
         return registrations.from_master(state, *self.addresses(state.nodes(), sorted(state.services)))
 
     def apply(self, calls: Sequence[Call]) -> None:
-        """Make the calls in their order, and tell subscribers that were registered who publishes."""
+        """Make the calls in their order, and tell subscribers that were registered who publishes.
+
+        Who has come under a name since that was decided keeps it: for the old address the master would shut it down.
+        """
+        now = self.addresses(sorted({call.node for call in calls if not call.remove}))[0]
+        calls = [call for call in calls if call.remove or now.get(call.node, call.uri) == call.uri]
         for call, result in zip(calls, self.calls([call.request for call in calls])):
             if isinstance(result, RosError):
                 raise RosError(f"the ROS master refused {' '.join(call.request)}: {result}")
-        self.introduce([call for call in calls if call.kind == SUBSCRIBER and not call.remove])
+        subscribers = [call for call in calls if call.kind == SUBSCRIBER and not call.remove]
+        if subscribers:
+            self.introduce(subscribers)
 
     def introduce(self, subscribers: Sequence[Call]) -> None:
         """Send each subscriber its topic's publishers, as the master does when one of them comes or goes.

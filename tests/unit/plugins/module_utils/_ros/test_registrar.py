@@ -51,6 +51,22 @@ def test_a_call_that_the_master_refuses(peers: Peers) -> None:
         Registrar(uri).apply([Call("publisher", "/n", "/t", "x/T", "http://n:1/")])
 
 
+def test_a_process_that_has_come_under_the_name_since_it_was_decided_keeps_it(peers: Peers) -> None:
+    """The master would shut it down: to it the old address is that of a newer process."""
+    made: list[str] = []
+    there = {"/newer": "http://n:2/", "/same": "http://n:1/"}
+    replies = {
+        "lookupNode": lambda name: [1, "", there[name]] if name in there else [-1, "unknown", ""],
+        "registerPublisher": lambda topic, *_more: made.append(topic) or [1, "", []],
+        "unregisterPublisher": lambda topic, _uri: made.append(f"not {topic}") or [1, "", 1],
+    }
+    ros = Registrar(peers.api("master", replies, multicall=True))
+    ros.apply([Call("publisher", node, f"{node}/out", "x/T", "http://n:1/") for node in ("/newer", "/same", "/gone")])
+    assert made == ["/same/out", "/gone/out"]
+    ros.apply([Call("publisher", "/newer", "/newer/out", "x/T", "http://n:1/", remove=True)])
+    assert made[2:] == ["not /newer/out"]
+
+
 def test_a_subscriber_is_told_until_the_list_stays_the_same(peers: Peers) -> None:
     """A publisher came while the first list was on its way."""
     told: list[list[str]] = []
@@ -60,7 +76,7 @@ def test_a_subscriber_is_told_until_the_list_stays_the_same(peers: Peers) -> Non
         "registerSubscriber": [1, "", []],
         "getSystemState": lambda: [1, "", [[["/t", next(publishers)]], [], []]],
         "getTopicTypes": [1, "", []],
-        "lookupNode": lambda name: [1, "", f"http://h{name}:1/"],
+        "lookupNode": lambda name: [1, "", node if name == "/n" else f"http://h{name}:1/"],
     }
     uri = peers.api("master", replies, multicall=True)
     Registrar(uri).apply([Call("subscriber", "/n", "/t", "x/T", node)])
