@@ -305,6 +305,10 @@ class Resources(TypedDict, total=False):
     """What it may not exceed."""
 
 
+def _no_resources() -> Resources:
+    return {}
+
+
 class SecretKey(TypedDict):
     """What a Secret of the app's namespace has under a key."""
 
@@ -416,7 +420,7 @@ class App:
     most).
 
     V(0) is never. Beside an external master it is so, too."""
-    resources: Resources = field(default_factory=lambda: Resources())
+    resources: Resources = field(default_factory=_no_resources)
     """The container's resources."""
     devices: tuple[Annotated[str, FORMS["device"]], ...] = ()
     """Device nodes of the robot that the app drives, such as C(/dev/ttyUSB0). They need a privileged container, and a

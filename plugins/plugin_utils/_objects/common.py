@@ -84,7 +84,7 @@ def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
     robot: str | None,
     pod: Object,
     notes: Variables,
-    strategy: Object = RECREATE_STRATEGY,
+    strategy: Object,
     kind: str = "Deployment",
 ) -> Object:
     """The Deployment (or DaemonSet) of one pod, without hashes; `notes` are the pod's annotations."""

@@ -24,6 +24,7 @@ from .common import (
     FOR_EVER,
     ONE_HEAP,
     PRIORITY,
+    RECREATE_STRATEGY,
     annotate,
     cluster_service,
     field_variable,
@@ -164,7 +165,7 @@ def _with_the_master(
     pod |= {} if robot.master.mode == "external" else {"priorityClassName": PRIORITY}
     spec = pod_spec([container], volumes, robot.pull_secrets, nodeSelector=where, **pod)
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    return workload(name, namespace, owner, spec, notes)
+    return workload(name, namespace, owner, spec, notes, RECREATE_STRATEGY)
 
 
 def _served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
