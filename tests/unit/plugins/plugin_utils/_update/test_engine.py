@@ -14,7 +14,12 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import annotate, pod_spec, workload
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    RECREATE_STRATEGY,
+    annotate,
+    pod_spec,
+    workload,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import UNLABELLED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
@@ -215,7 +220,8 @@ def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image
 def test_the_exporter_of_an_earlier_collection_goes_once_the_keeper_does_its_work(version: str) -> None:
     scenario, sim = SCENARIOS["keeper-and-master"], Simulation()
     pod = pod_spec([{"name": "ros-exporter", "image": OLD}])
-    sim.put(annotate(workload("ros-exporter", "robot-robot1", "robot1", pod, {"rosops.fleet/spec-hash": "1"})))
+    notes = {"rosops.fleet/spec-hash": "1"}
+    sim.put(annotate(workload("ros-exporter", "robot-robot1", "robot1", pod, notes, RECREATE_STRATEGY)))
     sim.install(scenario.robot(OLD))
     wanted = scenario.robot(image(version))
     assert outcome_of(sim, wanted, check=True).outcome == "updated"

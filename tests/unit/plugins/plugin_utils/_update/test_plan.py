@@ -15,7 +15,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.words import BA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, pod_spec, workload
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    RECREATE_STRATEGY,
+    config_map,
+    pod_spec,
+    workload,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.network import network_policies
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, placed
@@ -197,7 +202,7 @@ def test_an_exporter_of_an_earlier_collection_goes_with_what_its_keeper_brings(
     space: str, request_: Request, goes: bool
 ) -> None:
     wanted = robot(app("one"))
-    beside = workload("ros-exporter", space, "robot1", pod_spec([]), {})
+    beside = workload("ros-exporter", space, "robot1", pod_spec([]), {}, RECREATE_STRATEGY)
     code = config_map("ros-exporter", space, {}, {})
     live = applied(wanted)
     plan = planned(wanted, Live([*live.deployments, beside], [code]), request_)
