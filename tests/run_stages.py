@@ -8,8 +8,9 @@ does not stop the later ones: one run shows all that is broken. Only those that 
 Each stage's output is printed in one piece when it ends, and kept in reports/stages. Why a stage failed is said again
 at the end: of a long log often only that is at hand.
 
-The first lane is the one that works on hosts, and hosts have clocks: the others leave it half of the machine's cores.
-Once it is through, their next stages have all of them, and it takes stages from the end of the others' own.
+The first lane is the one that works on hosts, and hosts have clocks: the others' stages run with a low priority beside
+it. Processes of a lab have the weight of a single one of ours (cgroups), so an equal priority would starve them.
+Once it is through, it takes stages from the end of the others' own.
 
 A stage that passed with the same files (tests/tools/inputs.py) is not run again: `--fresh` runs everything.
 
@@ -42,6 +43,7 @@ from inputs import Passed, contents  # noqa: E402 - found through the line above
 from lablib.paths import cache_dir  # noqa: E402 - as above
 from remains import PATIENCE, Watched  # noqa: E402 - as above
 
+BESIDE_HOSTS = 10  # a tenth of the weight, so that what has clocks of its own is not starved either
 PREPARING = ("setup-tests", "artifacts")
 NOTHING_LEFT = "nothing-left"
 BEFORE = "passed before, with the same files"
@@ -76,8 +78,8 @@ class Stages:
         self._ended = False
         logs.mkdir(parents=True, exist_ok=True)
 
-    def lane(self, names: Iterable[str], cores: Callable[[], set[int]] | None = None) -> list[Result]:
-        """One after the other, each on the cores that are to be had as it begins."""
+    def lane(self, names: Iterable[str], niceness: Callable[[], int] = lambda: 0) -> list[Result]:
+        """One after the other, each with the niceness that is right as it begins."""
         results: list[Result] = []
         for name in names:
             if self._ended or any(not one.good and one.name in PREPARING for one in results):
@@ -89,20 +91,18 @@ class Stages:
                 self._say(f"=== {name} {BEFORE}")
                 results.append(Result(name, BEFORE))
                 continue
-            if cores:
-                os.sched_setaffinity(0, cores())  # of this thread, and of what it starts
-            results.append(self._stage(name))
+            results.append(self._stage(name, niceness()))
             if results[-1].good:
                 self._passed.keep(name, now)
         return results
 
-    def _stage(self, name: str) -> Result:
+    def _stage(self, name: str, niceness: int) -> Result:
         log = self._logs / f"{name}.log"
         self._say(f"=== {name} begins")
         began = time.monotonic()
         with log.open("wb") as output:
             process = subprocess.Popen(  # noqa: S603 - make itself started this
-                [*self._command, name],
+                ["nice", "-n", str(niceness), *self._command, name],
                 cwd=CHECKOUT,
                 # pytest and Molecule cut and break lines at 80
                 env={**os.environ, **self._environment, "COLUMNS": "200"},
@@ -138,7 +138,6 @@ def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result
     results = stages.lane(first)
     if any(not one.good for one in results if one.name in PREPARING):
         return results + [Result(name, "not run") for lane in lanes for name in lane]
-    cores = sorted(os.sched_getaffinity(0))
     first_lane, others = lanes[0], [deque(lane) for lane in lanes[1:]]
     through = threading.Event()
 
@@ -148,7 +147,7 @@ def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result
         return found + [result for lane in others for result in stages.lane(_taken(lane.pop))]
 
     def beside(lane: deque[str]) -> list[Result]:
-        return stages.lane(_taken(lane.popleft), lambda: set(cores if through.is_set() else cores[len(cores) // 2 :]))
+        return stages.lane(_taken(lane.popleft), lambda: 0 if through.is_set() else BESIDE_HOSTS)
 
     with ThreadPoolExecutor(len(lanes)) as pool:
         running = [pool.submit(on_hosts), *(pool.submit(beside, lane) for lane in others)]

@@ -25,6 +25,7 @@ RUNNING = (
 PLAYBOOKS = ("guarded.yml", "rollback.yml", "site.yml", "status.yml", "update.yml", "validate.yml")
 COLLECTION = ("galaxy.yml", "plugins/", "roles/", "playbooks/", "inventories/", *PLAYBOOKS)
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/", "tests/apps/README.md", "tests/lab/README.md")
+LABS = ("molecule/", "tests/lab/", "tests/apps/")
 PACKAGE = (*COLLECTION, *PAGES, "LICENSE", "awx/", "changelogs/", "tests/sanity/")
 STAGES = {
     "docs": (*PACKAGE, "tools/docs/"),
@@ -36,7 +37,8 @@ STAGES = {
     "test-go": ("tests/lab/labk3s/",),
     "test-browser": ("plugins/", "tests/browser/", "tests/unit/", "docs/screens/"),
     "test-ros": ("plugins/", "playbooks/files/", "tests/ros/", "tests/unit/"),
-    "molecule-default": (*COLLECTION, "molecule/", "tests/lab/", "tests/apps/"),
+    "molecule-default": (*COLLECTION, *LABS),
+    "molecule-update": (*COLLECTION, *LABS, "tests/update/"),
 }
 ENVIRONMENT = ("ROSOPS_", "LAB_", "CORE")
 PACKAGES = Path("/var/lib/dpkg/status")  # a test that was skipped for want of one is not skipped any more

@@ -12,6 +12,7 @@ from inputs import STAGES, contents, depends, digest, file_digest
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 OF_PYTEST = {
+    "molecule-update": "tests/update/",
     "dist": "tests/dist/",
     "test-bad-input": "tests/bad_input/",
     "test-browser": "tests/browser/",
@@ -49,7 +50,9 @@ def test_every_row_is_of_a_target() -> None:
         ("docs", "Makefile", True),
         ("test-ros", "plugins/module_utils/_ros/gate.py", True),
         ("test-go", "plugins/module_utils/_ros/gate.py", False),
-        *((stage, "benchmarks/update/seed.py", True) for stage in ("test-unit", "lint", "molecule-update")),
+        *((stage, "benchmarks/update/seed.py", True) for stage in ("test-unit", "lint", "molecule-fleet")),
+        ("molecule-update", "tests/unit/test_rooms.py", False),
+        ("molecule-update", "tests/update/fleet.py", True),
     ],
 )
 def test_what_a_stage_depends_on(stage: str, name: str, found: bool) -> None:
