@@ -101,8 +101,8 @@ class Stages:
         self._say(f"=== {name} begins")
         began = time.monotonic()
         with log.open("wb") as output:
-            process = subprocess.Popen(  # noqa: S603 - make itself started this
-                ["nice", "-n", str(niceness), *self._command, name],
+            process = subprocess.Popen(  # noqa: S603 - nobody else names them
+                ["nice", "-n", str(niceness), *self._command, name],  # noqa: S607 - whichever nice the PATH has
                 cwd=CHECKOUT,
                 # pytest and Molecule cut and break lines at 80
                 env={**os.environ, **self._environment, "COLUMNS": "200"},
