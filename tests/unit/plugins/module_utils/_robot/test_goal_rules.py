@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot import goal_rules as rules
@@ -106,17 +107,24 @@ def test_goals_after_all_is_given_back_are_no_reason_to_stay() -> None:
     assert kinds(it.step(ALL, 11.3)) == ["finish"]
 
 
-def test_the_new_server_dies_before_it_lists_a_forwarded_goal() -> None:
+def test_what_the_new_server_was_told_and_said_is_nothing_to_the_one_after_it() -> None:
     it = hold()
     it.goal(goal("a", 1.0))
-    up(it, UP)
-    assert kinds(it.step(UP, 10.2)) == ["open", "send a"]
-    assert it.step(Sight(), 10.3) == []
+    it.cancel("a", (0, 0))
+    it.goal(goal("b", 2.0))
+    up(it, ALL)
+    assert kinds(it.step(ALL, 10.2)) == ["open", "cancel a"]
+    it.status(NEW, [("a", RECALLING)], 10.3)
+    assert kinds(it.step(ALL, 10.4)) == ["send a", "send b"]
+    assert it.step(Sight(), 10.5) == []  # it dies before it lists them
     assert it.taking
-    third = Sight("http://third/", True, True, False)
-    it.step(third, 20.0)
-    it.status("http://third/", [], 20.1)
-    assert kinds(it.step(third, 20.2)) == ["open", "send a"]
+    it.goal(goal("c", 11.5))
+    third = replace(ALL, server="http://third/")
+    assert it.step(third, 12.8) == [rules.Order(rules.ADVERTISE)]
+    it.status(third.server, [], 12.9)
+    assert kinds(it.step(third, 13.0)) == ["open", "cancel a"]
+    it.status(third.server, [("a", RECALLING)], 13.1)
+    assert kinds(it.step(third, 13.2)) == ["send a", "send b", "send c"]
 
 
 def test_a_forwarded_goal_that_is_not_listed_is_sent_again() -> None:

@@ -514,7 +514,11 @@ def test_a_look_that_passes() -> None:
 def test_who_has_to_latch_is_asked_once_all_else_passes(latching: set[str], verdict: str, reasons: list[str]) -> None:
     ros = FakeRos(HEALTHY)
     ros.latching = latching
-    topics = (TopicCondition("/chatter", publisher="/talker_b", latched=True), TopicCondition("/chatter", latched=True))
+    latched = (
+        TopicCondition("/chatter", publisher="/talker_b", latched=True),
+        TopicCondition("/chatter", latched=True),
+    )
+    topics = (*latched, TopicCondition("/chatter_relay"))
     seen = look(ros, Conditions(topics=topics))
     checks = [check for check in seen.checks if check.kind == "latched"]
     assert (seen.verdict, [check.reason for check in checks]) == (verdict, reasons)
@@ -543,9 +547,9 @@ REVISION, ONE, TWO, OTHER = "/a_1a2b3c4d", "/a_1a2b3c4d_4", "/a_1a2b3c4d_5", "/b
 class Pods(FakeRos):
     """Pods of a revision, each with its node, of which some live."""
 
-    def __init__(self, alive: list[str], dead: list[str]) -> None:
+    def __init__(self, alive: list[str], dead: list[str], late: str = "") -> None:
         super().__init__(graph())
-        self.alive, self.there = alive, (*alive, *dead, OTHER)
+        self.alive, self.late, self.there = alive, late, (*alive, *dead, OTHER)
 
     def state(self, types: bool = False) -> MasterState:
         del types
@@ -558,7 +562,7 @@ class Pods(FakeRos):
         answers = {
             name: NodeAnswer(f"http://{name[1:]}:1/", 1, bus=bus)
             if name in (*self.alive, OTHER, "/c")
-            else NodeAnswer(f"http://{name[1:]}:1/", error="dead", refused=True)
+            else NodeAnswer(f"http://{name[1:]}:1/", error="dead", refused=name != self.late)
             for name in wanted.nodes
         }
         probes = {name: ServiceProbe("rosrpc://x:1", ONE) for name in wanted.services}
@@ -585,10 +589,17 @@ def test_a_revisions_name_means_the_node_of_its_pod_that_lives(alive: list[str],
 
 
 @pytest.mark.parametrize(
-    ("alive", "dead", "verdict"), [([], [], PASS), ([ONE], [], WAIT), ([TWO], [ONE], WAIT), ([], [ONE, TWO], PASS)]
+    ("alive", "dead", "late", "verdict"),
+    [
+        ([], [], "", PASS),
+        ([ONE], [], "", WAIT),
+        ([TWO], [ONE], "", WAIT),
+        ([], [ONE, TWO], "", PASS),
+        ([], [ONE, TWO], TWO, WAIT),
+    ],
 )
-def test_a_revision_is_absent_in_all_its_pods(alive: list[str], dead: list[str], verdict: str) -> None:
-    assert look(Pods(alive, dead), Conditions(absent=(REVISION,))).verdict == verdict
+def test_a_revision_is_absent_in_all_its_pods(alive: list[str], dead: list[str], late: str, verdict: str) -> None:
+    assert look(Pods(alive, dead, late), Conditions(absent=(REVISION,))).verdict == verdict
 
 
 def test_without_a_master_every_condition_is_unmet_and_named() -> None:
