@@ -129,13 +129,14 @@ class Bench:
         self.boot = "one"
         self.keeper = self.start()
 
-    def start(self) -> keeper.Keeper:
+    def start(self, keeps: bool = True) -> keeper.Keeper:
         self.keeper = keeper.Keeper(
             self.ros,  # type: ignore[arg-type]
             KeptFiles(str(self.directory), self.said.append),
             self.said.append,
             lambda: self.at + self.ros.took,
             boot=self.boot,
+            keeps=keeps,
         )
         return self.keeper
 
@@ -257,6 +258,25 @@ def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(benc
     assert bench.step() == keeper.LOOK
     bench.ros.up = False
     assert bench.step() == keeper.AWAY
+
+
+def test_a_master_that_is_somebody_else_s_is_looked_at_and_changed_in_nothing(bench: Bench) -> None:
+    assert bench.start(keeps=False).complete  # there is nothing to keep for the next master
+    bench.ros.seconds, bench.keeper.uri = 0.5, "http://keeper/"  # some looks find nothing due
+    bench.step()
+    assert set(bench.keeper.memory.nodes) == {"/talker", "/listener"}
+    del bench.ros.entries["/listener"]
+    bench.steps(keeper.ADDRESSES)
+    assert set(bench.ros.entries) == set(bench.keeper.memory.nodes) == {"/talker"}
+    assert not bench.keeper.is_whole(999.0)
+    assert bench.keeper.is_whole(bench.at)
+    bench.ros.restart()
+    bench.step()
+    assert not bench.keeper.is_whole(bench.at - 5)
+    bench.steps(keeper.PARAMETERS)
+    assert (bench.ros.entries, bench.ros.params, bench.ros.subscribed) == ({}, {"run_id": "run 101"}, [])
+    assert bench.keeper.is_whole(bench.at)
+    assert (bench.keeper.complete, bench.said) == (True, [])
 
 
 def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Bench) -> None:

@@ -46,6 +46,7 @@ class Server(ThreadingHTTPServer):
         super().__init__(("127.0.0.1", port), _Handler)
         self.lists: dict[str, list[Any]] = {}
         self.writes: list[str] = []  # method and path of every request that was no GET
+        self.deletions: list[Any] = []  # the options of each
         self.owned: dict[tuple[str, str], Any] = {}  # by path and manager, what was last applied
         self.version = 100
         self.refusals: list[tuple[int, str]] = []  # answers for the next requests, first come first served
@@ -114,6 +115,7 @@ class Server(ThreadingHTTPServer):
         if method != "POST" and before is None and "apply-patch" not in content:
             return 404, "not found"
         if method == "DELETE":
+            self.deletions.append(body)
             if before["metadata"].get("uid") != body.get("preconditions", before["metadata"]).get("uid"):
                 return 409, "the UID in the precondition does not match"
             if "dryRun" not in (body or query):  # where there are options in a body, the query has none

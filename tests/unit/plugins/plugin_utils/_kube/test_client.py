@@ -257,14 +257,29 @@ def test_of_other_kinds_what_others_put_there_stays(server: Server, kube: Kube) 
     assert (server.find(path)["spec"], server.find(path)["metadata"]["managedFields"]) == (both, [beside])
 
 
-def test_delete(kube: Kube) -> None:
+def test_the_log_of_a_message(server: Server, kube: Kube) -> None:
+    pod = "/api/v1/namespaces/robot-robot1/pods/a"
+    server.put(f"{pod}/log", {})
+    kube.log_tail("robot-robot1", "a", "main", 3, previous=False)
+    kube.log_tail("robot-robot1", "a", "main")
+    asked = {"container": "main", "tailLines": "3", "previous": "false"}
+    seen = [server.seen()[:2] for _time in range(2)]
+    assert seen == [(f"{pod}/log", asked), (f"{pod}/log", {**asked, "tailLines": "5", "previous": "true"})]
+
+
+def test_delete(server: Server, kube: Kube) -> None:
     kube.apply([NAMESPACE, config_map("one")])
     ref = Ref("ConfigMap", "one", "robot-robot1", "v1")
     assert [(one.changed, one.after) for one in kube.delete([ref], dry_run=True)] == [(True, None)]
     assert not kube.delete([replace(ref, uid="uid-of-a-namesake")])[0].changed
     assert kube.get(ref) is not None
-    assert [one.changed for one in kube.delete([ref, Ref("ConfigMap", "two", "robot-robot1")])] == [True, False]
+    again = [ref, Ref("ConfigMap", "two", "robot-robot1")]
+    assert [one.changed for one in kube.delete(again, at_once=True)] == [True, False]
     assert kube.get(ref) is None
+    options = {"kind": "DeleteOptions", "apiVersion": "v1", "propagationPolicy": "Background"}
+    named = {"preconditions": {"uid": "uid-of-a-namesake"}}
+    added: list[dict[str, Any]] = [{"dryRun": ["All"]}, named, {"gracePeriodSeconds": 0}]
+    assert server.deletions == [{**options, **one} for one in added]
 
 
 def test_merge(server: Server, kube: Kube) -> None:
