@@ -61,6 +61,7 @@ class Result(NamedTuple):
     name: str
     verdict: str  # passed, FAILED, not run, BEFORE
     seconds: float = 0.0
+    cpu: float = 0.0  # seconds of the processes that it started; a lab's hosts are none of them
     why: tuple[str, ...] = ()  # lines of its output
 
     @property
@@ -112,10 +113,11 @@ class Stages:
             self._running.append(process)
             if self._ended:
                 process.terminate()
-            status = process.wait()
-        seconds = time.monotonic() - began
+            _pid, status, used = os.wait4(process.pid, 0)
+            process.returncode = status
+        seconds, cpu = time.monotonic() - began, used.ru_utime + used.ru_stime
         text = log.read_text("utf-8", errors="replace").rstrip("\n")
-        result = Result(name, "FAILED", seconds, reasons(text)) if status else Result(name, "passed", seconds)
+        result = Result(name, "FAILED", seconds, cpu, reasons(text)) if status else Result(name, "passed", seconds, cpu)
         self._say(
             "\n".join([f"=== {name}", *filter(None, [text]), f"=== {name} {result.verdict}: {result.seconds:.1f} s"])
         )
@@ -167,7 +169,7 @@ def nothing_left(watched: Watched, patience: float) -> Result:
     """Whether all that the stages started has ended."""
     began = time.monotonic()
     left = tuple(watched.end(patience))
-    return Result(NOTHING_LEFT, "FAILED" if left else "passed", time.monotonic() - began, left)
+    return Result(NOTHING_LEFT, "FAILED" if left else "passed", time.monotonic() - began, why=left)
 
 
 def reasons(output: str) -> tuple[str, ...]:
@@ -182,7 +184,7 @@ def reasons(output: str) -> tuple[str, ...]:
 def summary(results: list[Result], seconds: float) -> str:
     """Why stages failed, the table, and the line that counts."""
     whys = [line for one in results if one.why for line in (f"=== {one.name}: why it failed", *one.why)]
-    lines = [f"{one.name:<22} {one.verdict:<8} {one.seconds:7.1f} s" for one in results]
+    lines = [f"{one.name:<22} {one.verdict:<8} {one.seconds:7.1f} s {one.cpu:7.1f} s of CPU" for one in results]
     before, good = sum(one.verdict == BEFORE for one in results), sum(one.good for one in results)
     counts = f"{good - before} passed, {len(results) - good} failed" + (f", {before} passed before" if before else "")
     ending = [f"stages took {seconds:.0f} s", counts]

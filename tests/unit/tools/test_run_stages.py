@@ -60,7 +60,7 @@ def staged(tmp_path: Path, *words: str, files: Mapping[str, str] = MappingProxyT
 
 def table(output: str) -> dict[str, str]:
     lines = output.partition("=== stages\n")[2].splitlines()[:-2]
-    found = re.findall(r"^(\S+) +(.+?) +[0-9.]+ s$", "\n".join(lines), re.MULTILINE)
+    found = re.findall(r"^(\S+) +(.+?) +[0-9.]+ s +[0-9.]+ s of CPU$", "\n".join(lines), re.MULTILINE)
     return {name: verdict for name, verdict in found if name != "nothing-left"}
 
 
