@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
+from ansible.module_utils.parsing.convert_bool import boolean
+
 from ...module_utils._common.documents import Variables
 from ...module_utils._ros.names import resolve
 from . import names
@@ -70,7 +72,7 @@ class Robot:
     quota: Variables = field(default_factory=dict)
     limits: Variables = field(default_factory=dict)
     pod_security: str = ""
-    edge_host_access: bool = False
+    edge_host_access: Annotated[bool, boolean] = False  # a variable that `-e name=value` gives is a text
     admits: tuple[str, ...] = ()
     pull_secrets: tuple[str, ...] = ()
     when: When = ()

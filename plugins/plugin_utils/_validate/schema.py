@@ -100,13 +100,13 @@ FORMS: dict[str, object] = {
 # What is inside a mapping has the type that YAML gave it.
 STRICT: dict[str, object] = {"str": str, "path": str, "raw": Any, "int": int, "float": float, "bool": bool}
 # A variable that `-e name=value` gives is a text, so Ansible's own conversions are followed.
-BOOLEANS = ("true", "false", "yes", "no", "on", "off", "1", "0", 1, 0)
+BOOLEANS = ("true", "false", "yes", "no", "on", "off", "1", "0")
 LENIENT = {
     **{name: kind_of(hint) for name, hint in STRICT.items()},
     "str": kind_of(str | float),
     "int": numeral(int),
     "float": numeral(float),
-    "bool": Kind(Literal, BOOLEANS),
+    "bool": Kind(Any, (), (Form(lambda said: str(said).lower() in BOOLEANS, "true or false"),)),
 }
 TIMES = ("_timeout", "_seconds")
 SECONDS = {kind: numeral(of, 0) for kind, of in (("int", int), ("float", float))}

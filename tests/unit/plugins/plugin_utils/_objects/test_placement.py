@@ -85,8 +85,8 @@ def test_a_robot_s_namespace_is_opened_by_name() -> None:
         found = [one["metadata"]["labels"] for one in made if one["kind"] == "Namespace"]
         return [one.get("rosops.fleet/edge-host-access", "") for one in found]
 
-    assert labels() == ["", ""]
-    assert labels(edge_host_access=True) == ["true", "true"]
+    assert labels() == labels(edge_host_access="no") == ["", ""]
+    assert labels(edge_host_access=True) == labels(edge_host_access="True") == ["true", "true"]
 
 
 def test_a_node_s_images_are_those_of_its_pods_by_whichever_label() -> None:

@@ -74,7 +74,7 @@ def wrong(name: str, value: Any) -> bool:
         ("update_rate_tolerance", [0.1, 1, "0.1"], ["some", True]),
         ("k3s_node_name", ["n", 7], [True, []]),
         ("k3s_token", ["t"], [7, True]),
-        ("k3s_remove_volumes", [True, "yes", 0], ["perhaps", 2]),
+        ("k3s_remove_volumes", [True, "yes", 0, "True"], ["perhaps", 2, None, []]),
         ("observability_profile", ["hub"], ["cloud"]),
         ("images_refs", [[], ["a"]], ["a", [[]]]),
         ("k3s_config", [{}, {"anything": 1}], ["text"]),
