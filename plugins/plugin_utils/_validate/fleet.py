@@ -13,12 +13,11 @@ from .._model.finding import Problem
 from .._model.fleet import Fleet
 from .._model.topology import Groups, edge_ordered, fleet_topology, members
 from .draft import Draft, Hosts, Inventory, Said
-from .hosts import first_servers, host_problems, host_warnings
+from .hosts import IMPLICIT_HOST, first_servers, host_problems, host_warnings
 from .inventory import fleet_hosts, inventory_problems, near_misses
 from .robot import fleet_app_problems, port_problems, robot_problems, robot_warnings
 from .schema import of_host, value_problems
 
-IMPLICIT_HOST = "localhost"
 SHOWN = 4  # hosts of a line
 _APP = re.compile(r"ros_apps\[(\d+)\]")
 

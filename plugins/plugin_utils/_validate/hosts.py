@@ -16,6 +16,7 @@ from .._objects.parts import images
 from .._observability.spec import HUB, ROBOT
 from .draft import Hosts, Inventory, Said
 
+IMPLICIT_HOST = "localhost"
 SERVER_COUNTS = (1, 3)
 PORTS = ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port")
 LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
@@ -93,6 +94,8 @@ def _names(there: Inventory) -> Iterator[Problem]:
         for host in members(there.groups, group):
             if not form.test(host):
                 yield Problem(f"groups.{group}.{host}", "is no name for a Kubernetes node", form.allowed)
+            if host == IMPLICIT_HOST:  # whose variables are not looked at
+                yield Problem(f"groups.{group}.{host}", "is the name of the control node", "any other name")
     names = dict.fromkeys([*members(there.groups, "edge"), *members(there.groups, "robots")])
     for host, _name, other in taken((name, name.lower().replace("_", "-")) for name in names):
         found = f"clashes with {other} once both are Kubernetes names"

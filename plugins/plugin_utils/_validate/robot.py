@@ -82,8 +82,8 @@ def _volume_names(draft: Draft) -> Iterator[Problem]:
     declared = [(path, name) for path, name in volumes if isinstance(name, str)]
     yield from twice(declared, "a name of its own")
     for path, name in declared:
-        if re.fullmatch(r"(device|host-path)-[0-9]+", name):
-            yield Problem(path, f"is '{name}', a name that devices and host paths get", "any other name")
+        if re.fullmatch(r"(device|file|host-path)-[0-9]+", name):
+            yield Problem(path, f"is '{name}', a name that devices, files and host paths get", "any other name")
         if name == names.CODE_NAME:
             yield Problem(path, f"is '{name}', the volume of the collection's own code", "any other name")
 
