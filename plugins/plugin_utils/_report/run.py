@@ -167,14 +167,18 @@ class RunReport:
         name = task.name if task and task.action != "_leave" else ""
         own = self.host(host)
         own.failure, own.failed_task = results.message_of(result), name
+        self._ends_for_all(task, host, "failed on")
+
+    def unreachable(self, key: str, host: str, result: Result, now: float) -> None:
+        task = self.ran(key, host, now)
+        self.host(host).unreachable = results.message_of(result)
+        self._ends_for_all(task, host, "did not reach")
+
+    def _ends_for_all(self, task: Task | None, host: str, how: str) -> None:
         if task and task.for_all and self._plays:
             for other in self._plays[-1].hosts:
                 if other != host:
-                    self.host(other).blocked.append((host, f"not carried on: {name} failed on {host} for all hosts"))
-
-    def unreachable(self, key: str, host: str, result: Result, now: float) -> None:
-        self.ran(key, host, now)
-        self.host(host).unreachable = results.message_of(result)
+                    self.host(other).blocked.append((host, f"not carried on: {task.name} {how} {host} for all hosts"))
 
     def cut_short(self) -> None:
         """All hosts of a play failed, and Ansible begins no further one: so much of the hosts that those were for."""
@@ -236,12 +240,12 @@ class RunReport:
 
     def so_far(self) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
-        failed = {name for name, host in self._hosts.items() if host.failure}
+        ended = {name for name, host in self._hosts.items() if host.failure or host.unreachable}
         here, lost = dict[str, Data](), dict[str, Data]()
         for name, host in self._hosts.items():
             changed = len(host.changed)
             gone = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
-            stays, left = host.outcome({"changed": changed, "ok": 1}, ()), host.outcome(gone, failed)
+            stays, left = host.outcome({"changed": changed, "ok": 1}, ()), host.outcome(gone, ended)
             of_run = name, self.playbook, self.started
             here[name] = HostRun(*of_run, stays, changed).as_dict()
             lost[name] = HostRun(*of_run, left, changed, host.failed_task).as_dict()

@@ -94,6 +94,11 @@ def test_a_run_once_failure_ends_the_run_for_all() -> None:
     why = "not carried on: Apply failed on robot1 for all hosts"
     assert outcome(report, "robot2", robot1=FAILED, robot2=OK) == ("failed", why)
     assert outcome(report, "robot2", robot1={**OK, "rescued": 1}, robot2=OK) == ("unchanged", "")
+    report = started("robot1", "robot2", for_all=True)
+    report.unreachable("t1", "robot1", {"msg": "no route"}, 2.0)
+    why = "not carried on: Apply did not reach robot1 for all hosts"
+    assert outcome(report, "robot2", robot1=DARK) == ("failed", why)
+    assert report.so_far().lost["robot2"]["reason"] == why
 
 
 @pytest.mark.parametrize("how", ["failed", "unreachable"])
