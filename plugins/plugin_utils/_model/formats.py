@@ -35,7 +35,10 @@ _SCALE.update({suffix: Decimal(10) ** power for suffix, power in zip("numkMGTPE"
 _SAFE = re.compile(r"/(?:data|media|mnt|opt|srv)(?:/.*)?|/(?:dev|home|var/log)/.+")
 PRIVATE_PARTS = (".ssh", ".kube", ".gnupg")
 UNSAFE_DEVICES = ("/dev/mem", "/dev/kmem", "/dev/port")
-HOST_PATHS = "a path at or below /data, /media, /mnt, /opt or /srv, or below /dev, /home or /var/log, without '..'"
+HOST_PATHS = (
+    "a path at or below /data, /media, /mnt, /opt or /srv, or below /dev, /home or /var/log, without '..', ':' or "
+    f"blanks, and none of {', '.join((*UNSAFE_DEVICES, *PRIVATE_PARTS))}"
+)
 
 
 class Form(NamedTuple):
@@ -168,7 +171,7 @@ FORMS: dict[str, Form] = {
     "ros-type": _text(rf"{_NAME}/{_NAME}", "<package>/<type> such as std_msgs/Float64"),
     # the master speaks plain XML-RPC at the root
     "master-uri": Form(lambda text: bare_url(text, ("http",), with_port=True), "http://<host>:<port>"),
-    "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
+    "device": Form(device_path, "a path below /dev without ':' or blanks, but /dev/mem, /dev/kmem and /dev/port"),
     "host-path": Form(safe_host_path, HOST_PATHS),
     "port-name": _text(r"(?=.*[a-z])[a-z0-9]+(?:-[a-z0-9]+)*",
                        "at most 15 lower-case letters, digits and dashes, a letter among them", 15),
