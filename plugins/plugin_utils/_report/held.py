@@ -51,8 +51,10 @@ def cluster_rows(clusters: Sequence[Objects], usage: Mapping[str, int], now: flo
         return [*chain(*(objects.get(kind, ()) for objects in clusters))]
 
     nodes = sorted(map(_node, all_of("Node")), key=attrgetter("name"))
-    deployments, pods = all_of("Deployment"), all_of("Pod")
-    maps = all_of("ConfigMap")
+    deployments, maps = all_of("Deployment"), all_of("ConfigMap")
+    pods: dict[tuple[str, str], list[Object]] = {}
+    for pod in all_of("Pod"):
+        pods.setdefault((_namespace(pod), app_of(pod)), []).append(pod)
     ours = [one for one in deployments if labels_of(one).get("app.kubernetes.io/managed-by") == names.MANAGER]
     workloads = sorted((_workload(one, pods, now) for one in ours), key=_place)
     return Status(
@@ -115,9 +117,9 @@ def _node(node: Object) -> rows.Node:
     )
 
 
-def _workload(deployment: Object, all_pods: Iterable[Object], now: float) -> rows.Workload:
-    key = (_namespace(deployment), app_of(deployment) or name_of(deployment))
-    pods = [pod for pod in all_pods if (_namespace(pod), app_of(pod)) == key]
+def _workload(deployment: Object, all_pods: Mapping[tuple[str, str], list[Object]], now: float) -> rows.Workload:
+    """`all_pods` by their namespace and app."""
+    pods = all_pods.get((_namespace(deployment), app_of(deployment) or name_of(deployment)), [])
     spec, status = deployment.get("spec") or {}, deployment.get("status") or {}
     pod_spec = (spec.get("template") or {}).get("spec") or {}
     live = [pod for pod in pods if not is_terminating(pod)]
