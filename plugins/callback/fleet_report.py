@@ -175,9 +175,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     def v2_playbook_on_stats(self, stats: Any) -> None:
         self.beside.close()
-        if self.ahead:
-            self.report.cut_short()
         counts = {host: stats.summarize(host) for host in stats.processed}
+        if self.ahead:
+            self.report.cut_short(counts)
         report = self.report.finish(counts, time.monotonic(), check_mode=bool(context.CLIARGS.get("check")))
         self._print(report)
         self._write(report)

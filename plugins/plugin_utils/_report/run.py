@@ -121,6 +121,11 @@ class _Play:
     hosts: list[str]
 
 
+def _ended(stats: Mapping[str, Counts]) -> set[str]:
+    """The hosts that failed or were lost."""
+    return {name for name, one in stats.items() if one.get("failures") or one.get("unreachable")}
+
+
 class RunReport:
     """Collects what happens in a run. Times are seconds of one clock, whichever, but for `started`, which is UTC."""
 
@@ -180,14 +185,14 @@ class RunReport:
                 if other != host:
                     self.host(other).blocked.append((host, f"not carried on: {task.name} {how} {host} for all hosts"))
 
-    def cut_short(self) -> None:
+    def cut_short(self, stats: Mapping[str, Counts]) -> None:
         """All hosts of a play failed, and Ansible begins no further one: so much of the hosts that those were for."""
         there = {name: self._hosts[name] for name in (self._plays[-1].hosts if self._plays else ())}
-        ended = [(name, host) for name, host in there.items() if host.failure or host.unreachable]
-        for name, host in ended[:1]:
-            how, why = "the connection was lost", host.unreachable
-            if host.failure:
-                how, why = f"{host.failed_task} failed", host.failure
+        for name in [name for name in there if name in _ended(stats)][:1]:
+            host, how = there[name], "the connection was lost"
+            why = host.unreachable
+            if stats[name].get("failures"):  # what was rescued is none
+                how, why = f"{host.failed_task or 'it'} failed", str(host.failure)
             for other in self._hosts.keys() - there.keys():
                 self._hosts[other].blocked.append((name, f"not carried on: the run ended on {name}: {how}: {why}"))
 
@@ -212,7 +217,7 @@ class RunReport:
         names = [name for name in self._hosts if name != "localhost" or name in stats]
         if len(names) > 1:  # what ran on the control node only helped the others
             names = [name for name in names if name != "localhost"]
-        ended = {name for name, one in stats.items() if one.get("failures") or one.get("unreachable")}
+        ended = _ended(stats)
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
         hosts = [self._host_report(name, stats.get(name) or {}, ended) for name in names]
         words = [host["outcome"] for host in hosts]

@@ -105,10 +105,12 @@ def test_a_run_once_failure_ends_the_run_for_all() -> None:
 def test_what_ended_the_run_is_told_of_those_for_whom_there_was_more_to_do(how: str) -> None:
     """All hosts of a play failed: Ansible begins no further one."""
     report = started("robot1")
-    report.play("Images are on the edge hosts", ["edge1"], 2.0)
+    report.play("Images are on the edge hosts", ["edge0", "edge1"], 2.0)
+    report.failed("t1", "edge0", {"msg": "rescued"}, 3.0)
+    report.failed("t1", "edge1", {"msg": "rescued"}, 3.0)
     getattr(report, how)("t1", "edge1", {"msg": "no such host"}, 3.0)
-    report.cut_short()
-    counts = {"edge1": FAILED if how == "failed" else DARK, "robot1": OK}
+    counts = {"edge0": OK, "edge1": FAILED if how == "failed" else DARK, "robot1": OK}
+    report.cut_short(counts)
     told = "Apply failed" if how == "failed" else "the connection was lost"
     why = f"not carried on: the run ended on edge1: {told}: no such host"
     assert outcome(report, **counts) == ("failed", why)
