@@ -138,7 +138,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         manager = play.get_variable_manager()
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.silence.begins(play.get_name().strip())
-        self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
+        hosts, batch = (found.get(f"ansible_play_{which}", []) for which in ("hosts_all", "batch"))
+        self.report.play(play.get_name().strip(), hosts, time.monotonic(), batch)
         note_run(self.report.so_far())
 
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool = False) -> None:  # noqa: ARG002 - Ansible's

@@ -116,9 +116,13 @@ class _Host:
 
 @dataclass
 class _Play:
+    """A play, or one of its batches; `over` are the hosts of those before."""
+
     name: str
     begun: float
     hosts: list[str]
+    batch: set[str]
+    over: set[str] = field(default_factory=set)
 
 
 def _ended(stats: Mapping[str, Counts]) -> set[str]:
@@ -143,8 +147,14 @@ class RunReport:
             host.groups = tuple(sorted(set(groups) - {"all", "ungrouped"}))
         return host
 
-    def play(self, name: str, hosts: Iterable[str], now: float) -> None:
-        self._plays.append(_Play(name, now, list(hosts)))
+    def play(self, name: str, hosts: Iterable[str], now: float, batch: Iterable[str] = ()) -> None:
+        """It begins, or a further batch of its hosts."""
+        new = _Play(name, now, list(hosts), {*batch})
+        for last in self._plays[-1:]:
+            over = last.over | last.batch
+            if (last.name, last.hosts) == (name, new.hosts) and not over & new.batch:
+                new.over = over
+        self._plays.append(new)
         for host in self._plays[-1].hosts:
             self.host(host)
 
@@ -182,7 +192,7 @@ class RunReport:
     def _ends_for_all(self, task: Task | None, host: str, how: str) -> None:
         if task and task.for_all and self._plays:
             for other in self._plays[-1].hosts:
-                if other != host:
+                if other not in (host, *self._plays[-1].over):
                     self.host(other).blocked.append((host, f"not carried on: {task.name} {how} {host} for all hosts"))
 
     def cut_short(self, stats: Mapping[str, Counts]) -> None:

@@ -101,6 +101,17 @@ def test_a_run_once_failure_ends_the_run_for_all() -> None:
     assert report.so_far().lost["robot2"]["reason"] == why
 
 
+def test_hosts_of_an_earlier_batch_are_through() -> None:
+    hosts = ("robot1", "robot2", "robot3")
+    report = RunReport(0.0)
+    for at, host in enumerate(hosts[:2]):
+        report.play("Robots", hosts, at, [host])
+    report.task("t1", Task("Apply", "command", for_all=True), 1.0)
+    report.failed("t1", "robot2", {"msg": "bad input"}, 2.0)
+    words = [outcome(report, host, robot1=CHANGED, robot2=FAILED)[0] for host in hosts]
+    assert words == ["updated", "failed", "failed"]
+
+
 @pytest.mark.parametrize("how", ["failed", "unreachable"])
 def test_what_ended_the_run_is_told_of_those_for_whom_there_was_more_to_do(how: str) -> None:
     """All hosts of a play failed: Ansible begins no further one."""
