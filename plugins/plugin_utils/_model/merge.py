@@ -7,6 +7,7 @@ Kubernetes' own strategic merge is the model for the keys: API reference, "patch
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
@@ -94,6 +95,10 @@ def layered(variables: Variables, path: str, problems: list[Problem]) -> Variabl
         apps, more = merged.get(APPS, []), merged.get(layer)
         if _named(apps) and _named(more):
             problems += _missing(apps, more, join_path(path, layer))
+            for name, items in ((APPS, apps), (layer, more)):  # by name they are one, and the first would be lost
+                said = Counter(item["name"] for item in items if item.get(PATCH) != "delete")
+                twice = (f"has '{one}' twice" for one, times in said.items() if times > 1)
+                problems += (Problem(join_path(path, name), found, "names of their own") for found in twice)
             merged[APPS] = deep_merge({APPS: apps}, {APPS: more})[APPS]
             del merged[layer]
     return merged
