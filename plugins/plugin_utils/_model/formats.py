@@ -145,6 +145,7 @@ def _label(longest: int) -> Form:
 
 _NAME = r"[A-Za-z]\w*"  # of ROS, without a slash
 _PATH = rf"{_NAME}(?:/\w+)*"
+_REST = r"\w+(?:/\w+)*"  # after a slash or ~, where a name may begin with a digit (rosgraph.names.is_legal_name)
 FORMS: dict[str, Form] = {
     "app-name": _text(r"[a-z](?:[-a-z0-9]*[a-z0-9])?", "at most 40 lower-case letters, digits and dashes, beginning "
                       "with a letter, not ending with a dash", 40),
@@ -158,12 +159,13 @@ FORMS: dict[str, Form] = {
     "env-name": _text(r"[A-Za-z_]\w*", "letters, digits and underscores, not beginning with a digit"),
     "resource-name": _text(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*",
                            "cpu, memory, ephemeral-storage or <vendor>/<resource>"),
-    "graph-name": _text(rf"(?:~/?|/)?{_PATH}", "a ROS name such as temperature, /temperature or ~status"),
-    "graph-pattern": _text(r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*",
+    "graph-name": _text(rf"(?:~/?|/){_REST}|{_PATH}", "a ROS name such as temperature, /temperature or ~status"),
+    "graph-pattern": _text(r"(?:(?:~/?|/)[\w*]|[A-Za-z*])[\w*]*(?:/[\w*]+)*",
                            "a ROS name such as /scan or ~status, * standing for anything: /debug/*"),
     "private-name": _text(rf"(?:~/?)?{_PATH}", "a private ROS name such as status or ~status"),
     "node-name": _text(_NAME, "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"),
-    "param-name": _text(rf"/?{_PATH}", "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"),
+    "param-name": _text(rf"/{_REST}|{_PATH}",
+                        "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"),
     "package-name": _text(r"[A-Za-z][\w-]*", "a ROS package's name"),
     "launch-file": _text(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*", "a launch file's name, or with / first its whole path"),
     "node-path": _text(rf"/?{_PATH}", "the name of a <node> of the launch file, such as lidar or front/lidar"),

@@ -31,7 +31,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import
         ),
         ("app-name", ["a", "a-1"], ["", "1a", "-a", "a-", "A", "a_b", "a.b", "a" * 41]),
         ("robot-name", ["robot1", "7", "a-b"], ["", "a.b", "a_b", "A", "a" * 58, "robot1\n"]),
-        ("graph-name", ["a", "/a/b", "~a", "a/1"], ["", "/", "~", "1a", "a-b", "a//b", "a/", "/a b", "ä"]),
+        (
+            "graph-name",
+            ["a", "/a/b", "~a", "a/1", "/3d/points", "~/3d", "~3d"],
+            ["", "/", "~", "1a", "a-b", "a//b", "a/", "/a b", "ä"],
+        ),
+        ("graph-pattern", ["/*", "/3d/*", "~status", "*"], ["", "/", "1a", "/a//*"]),
+        ("param-name", ["a/b", "/3d/x"], ["", "/", "1a", "~a", "/a//b"]),
         (
             "host-path",
             ["/data", "/data/x", "/dev/input", "/home/a"],
