@@ -169,7 +169,7 @@ FORMS: dict[str, Form] = {
     "package-name": _text(r"[A-Za-z][\w-]*", "a ROS package's name"),
     "launch-file": _text(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*", "a launch file's name, or with / first its whole path"),
     "node-path": _text(rf"/?{_PATH}", "the name of a <node> of the launch file, such as lidar or front/lidar"),
-    "launch-arg": _text(r"[A-Za-z_]\w*", "the name of an <arg> of the launch file"),
+    "launch-arg": _text(r"[A-Za-z]\w*", "the name of an <arg> of the launch file, beginning with a letter"),
     "ros-type": _text(rf"{_NAME}/{_NAME}", "<package>/<type> such as std_msgs/Float64"),
     # the master speaks plain XML-RPC at the root
     "master-uri": Form(lambda text: bare_url(text, ("http",), with_port=True), "http://<host>:<port>"),

@@ -62,6 +62,9 @@ def app_warnings(app: App, raw: Said) -> Iterator[Problem]:
     if app.command and app.command[0] in _ROS_TOOLS:
         told = f"{app.command[0]} is found once the image's entry point has run, which a command replaces"
         yield Problem("command[0]", f"{told}; begin it with /ros_entrypoint.sh")
+    for name, value in app.launch.args.items() if app.launch else ():
+        if not str(value).strip():
+            yield Problem(f"launch.args.{name}", "is empty, so that roslaunch does not take it")
     if raw.get("private_names") and app.handoff != "overlap":
         yield Problem("private_names", f"has no effect with the handoff {app.handoff}")
 
@@ -131,6 +134,8 @@ def _launch(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
         yield Problem("readiness.nodes", f"is true, but {LAUNCHES}", "leave it out")
     for file in [] if launch.package else [file for file in launch.file if not file.startswith("/")]:
         yield Problem("launch.package", f"is missing, and {file} is no whole path", "a package, or /the/whole/path")
+    for name in [name for name, value in launch.args.items() if ":=" in str(value)]:
+        yield Problem(f"launch.args.{name}", "has := in its value, which roslaunch does not take", "a value without it")
     if app.hooks == "none":
         yield Problem("hooks", "is none, but what starts the launch file is part of them", "app, or sidecar")
     for key, said in (("launch.replace", launch.replace), ("launch.overlap", launch.overlap)):

@@ -145,6 +145,7 @@ BATTERY = {"update_when": [{"topic": "/battery", "field": "percentage", "above":
         ({"app": {"image": "talker"}}, ["app.image: talker may mean another image tomorrow; name a version"]),
         ({"app": {"devices": ["/dev/ttyUSB0"]}}, ["app.devices: the container runs privileged, as Kubernetes has no"]),
         ({"app": {"private_names": ["a"]}}, ["app.private_names: has no effect with the handoff replace"]),
+        ({"launched": {}, "launch": {"args": {"a": "", "b": False}}}, ["app.launch.args.a: is empty, so that"]),
         ({"app": {"command": ["rostopic"], "handoff": "replace"}},
          ["app.command[0]: rostopic is found once the image's entry point has run, which a command replaces; begin it "
           "with /ros_entrypoint.sh"]),

@@ -26,7 +26,7 @@ def problems(inside: str, launch: dict[str, Any] | None = None, robot: dict[str,
     files = app.pop("files", [{"path": FILE, "content": f"<launch>{inside}</launch>"}])
     changed = table.changed_app({"args": None, "pattern": "pubsub", "launch": given, "files": files, **app})
     report = check_fleet(table.GROUPS, {"robot1": {**(robot or {}), "ros_apps": [changed]}})
-    assert report.warnings == []
+    assert report.problems or report.warnings == []
     return "\n".join(problem.line().removeprefix("hosts.robot1.ros_apps[0].") for problem in report.problems)
 
 
