@@ -195,7 +195,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
             return
         text = json.dumps(report, indent=2, default=str) + "\n"
         write(path, text)
-        if not report["check_mode"]:  # a later look at the fleet must not hide what an update did
+        if path.is_file() and not report["check_mode"]:  # a later look at the fleet must not hide what an update did
             write(path.with_name(f"{path.stem}-{Path(self.report.playbook).stem}{path.suffix}"), text)
         # AWX deletes the copy of the project in which a job runs
         gone = "AWX_HOST" in os.environ and path.is_relative_to(Path.cwd())

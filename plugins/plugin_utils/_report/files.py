@@ -19,13 +19,16 @@ def placed(path: str) -> Path | None:
 def text_of(path: Path) -> str:
     """What a file holds; nothing where it cannot be read."""
     try:
-        return path.read_bytes().decode("utf-8", "replace")
+        return path.read_bytes().decode("utf-8", "replace") if path.is_file() else ""
     except OSError:
         return ""
 
 
 def write(path: Path, text: str, mode: int = 0o600) -> None:
     """In one step: a reader never sees half of it. What hosts said may hold more than everybody is to know."""
+    if path.exists() and not path.is_file():  # /dev/null, which root could well exchange for a file
+        path.write_bytes(text.encode())
+        return
     path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
     try:

@@ -35,3 +35,11 @@ def test_a_file_is_whole_and_has_the_mode_that_was_asked_for(tmp_path: Path) -> 
     files.write(page, "what a host said")
     assert page.stat().st_mode & 0o777 == 0o600
     assert [file.name for file in page.parent.iterdir()] == ["fleet.html"]
+
+
+def test_a_device_is_written_to_and_stays(tmp_path: Path) -> None:
+    null = tmp_path / "null"
+    null.symlink_to("/dev/null")
+    files.write(null, "a report that nobody wants")
+    assert null.is_symlink()
+    assert [file.name for file in tmp_path.iterdir()] == ["null"]
