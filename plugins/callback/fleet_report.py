@@ -19,8 +19,8 @@ description:
   - The role P(rosops.fleet.update#role) says the outcome of a robot. A play declares one with
     M(ansible.builtin.set_fact) of C(fleet_outcome), a word or C({outcome, reason, steps}). A failure outweighs it,
     unless the word itself is one of C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
-  - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
-    run for all hosts of its play, so all of them are C(failed).
+  - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails, or
+    does not reach its host, ends the run for all hosts of its play whose batch is not over, so these are C(failed).
   - Where nothing is printed for 15 seconds, says which task goes on, and of an update where it stands, as tools that
     run playbooks (AWX) may end a silent one.
   - Results under C(no_log) are neither printed nor written.
