@@ -10,7 +10,7 @@ import ssl
 import time
 from pathlib import Path
 from typing import Callable, Iterable, Iterator, Mapping
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from .._common.documents import json_of
 from .._common.errors import FleetError, KubeError
@@ -256,7 +256,7 @@ class Cluster:
 
 
 def _path(namespace: str, kind: str, name: str = "") -> str:
-    return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{name}" if name else "")
+    return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{quote(name, '')}" if name else "")
 
 
 def lease_time(seconds: float) -> str:

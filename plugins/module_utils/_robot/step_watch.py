@@ -8,6 +8,7 @@ are looked at, and what the run left open in the record of updates is closed.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import dataclass, replace
 from functools import partial
@@ -110,6 +111,8 @@ class StepWatch:
                 # what answers with a refusal is not away: a robot that may not be read keeps nobody from the others
                 seen.away()
                 self._tell(namespace, str(error))
+            except Exception as error:  # as what somebody has written into a robot's records
+                self._tell(namespace, f"{type(error).__name__}: {error}")
 
     def _away(self, where: str, error: FleetError) -> None:
         for seen in self.observed.values():
@@ -250,18 +253,26 @@ class StepWatch:
                 self._go_back(claim, replace(due, step=again))
 
     def _go_back(self, claim: Claim, due: Due) -> None:
+        """Goals that come now are for the old server. Where it does not go back after all they are let go, unless
+        another one has the robot, who may hold them, too.
+        """
+        with contextlib.ExitStack() as held:
+            try:
+                self._restore(claim, due, held)
+            except LostError:
+                held.pop_all()
+                raise
+
+    def _restore(self, claim: Claim, due: Due, held: contextlib.ExitStack) -> None:
         """The Lease is renewed before all that may take its time, and before all that is written."""
         step = due.step
-        held: list[str] = []
         for action, server in open_goals(self.ros, step).servers.items():
             claim.renew()
-            if self.robot.hold(action, server, HOLD)[0]:  # goals that come now are for the old server
-                held.append(action)
+            if self.robot.hold(action, server, HOLD)[0]:
+                held.callback(self.robot.release, action)
         self.sleep(AGAIN)
         claim.renew()
         if open_goals(self.ros, step).waiting(due.patient):
-            for action in held:
-                self.robot.release(action)
             return
         claim.renew()
         new = {node_of(member.deployment) for member in step.going_back}
@@ -273,6 +284,7 @@ class StepWatch:
         for member in step.going_back:
             claim.renew()
             self.cluster.apply(claim.namespace, restored(member, due.reason, self.cluster.stamp()))
+            held.pop_all()
             self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():

@@ -63,6 +63,12 @@ def test_it_reads_what_is_ours(cluster: Cluster, server: Server) -> None:
     assert seen[2][1] == {"labelSelector": "app.kubernetes.io/managed-by=rosops.fleet"}
 
 
+def test_a_name_that_a_record_has_is_no_path(cluster: Cluster, server: Server) -> None:
+    """What is none is looked for in vain, like any other: nobody takes it for an API that is away."""
+    assert cluster.config_map(SPACE, "../a ü\n") is None
+    assert server.seen()[0] == f"/api/v1/namespaces/{SPACE}/configmaps/..%2Fa%20%C3%BC%0A"
+
+
 def test_the_token_is_read_anew(cluster: Cluster, server: Server, tmp_path: Path) -> None:
     cluster.lease(SPACE)
     (tmp_path / "token").write_text("second\n")

@@ -427,6 +427,18 @@ def test_a_robot_that_may_not_be_read_keeps_nobody_from_the_others(error: KubeEr
     assert [line for line in world.said if "robot-r1" in line] == [f"robot-r1: {error}"]
 
 
+def test_what_is_spoilt_in_a_robots_record_keeps_nobody_from_the_others() -> None:
+    """It stands where whoever may write in its namespace has put it."""
+    world = World("fleet", "robot-r1", "robot-r2")
+    for space in ("robot-r1", "robot-r2"):
+        world.put(live(version("camera", 2, space)), left(version("camera", 1, space), ready_timeout=60), space)
+    spoilt = [{"revision": "rev1", "deployment": {"metadata": {"name": "camera"}}}]
+    world.maps["robot-r1", "camera"]["data"]["history.json"] = json.dumps(spoilt)
+    world.run(100)
+    assert (world.revision("camera", "robot-r1"), world.revision("camera", "robot-r2")) == ("rev2", "rev1")
+    assert [line for line in world.said if "robot-r1" in line] == ["robot-r1: KeyError: 'spec'"]
+
+
 # ---- what came up once
 
 
@@ -518,6 +530,20 @@ def test_goals_that_are_held_when_the_lease_is_lost_are_the_other_ones_affair() 
     world.run(100)
     assert not [done for done in world.done if done.startswith(("apply", "services"))]
     assert world.held == [("/dock", "/camera")]
+
+
+def test_goals_are_let_go_where_it_does_not_go_back_after_all() -> None:
+    """It got ready just then, so what was read of it is old: nobody would come for them in minutes."""
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.goals["/camera"] = busy()
+
+    def refused() -> None:
+        world.there[NAMESPACE, "camera"] = live(version("camera", 2, node="/camera"), ready=True)
+        raise ApiError("the object has been modified", 409)
+
+    world.fails["camera"] = refused
+    world.run(200)
+    assert (world.revision("camera"), world.held) == ("rev2", [])
 
 
 # ---- the record of updates
