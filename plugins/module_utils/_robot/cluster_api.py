@@ -21,6 +21,7 @@ from .._step.words import BACK_TO, FLEET, KEEPER, KEPT, LEASE, LEASE_SECONDS, MA
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 OURS = f"app.kubernetes.io/managed-by={MANAGER}"
 SECONDS = 5.0
+REFUSED = (403, 404)  # the API's answers where a namespace is no more, or the keeper's Role is not yet there
 REFRESH = 10.0  # between looks for robots that were added: without it the pods of a new one are not Ready
 GROUPS = {
     "ConfigMap": "api/v1",

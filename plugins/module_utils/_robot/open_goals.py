@@ -14,7 +14,7 @@ from .._ros.names import is_meant
 from .._step.objects import Object, annotations_of, has_node, name_of, node_of, rolled_out
 from .._step.record import PROVEN, mark_of
 from .._step.words import MASTER, NODE
-from .cluster_api import Cluster, read_records
+from .cluster_api import REFUSED, ApiError, Cluster, read_records
 from .way_back import Step, member_of
 
 PATIENCE = 10.0  # seconds for an API that does not answer
@@ -133,7 +133,12 @@ class Staying:
     def _find(self, action: str, node: str) -> tuple[str, str] | None:
         """The Deployment of that node; a launch file's is the unproven one that served the action before."""
         for namespace in self.cluster.namespaces():
-            there = self.cluster.deployments(namespace)
+            try:
+                there = self.cluster.deployments(namespace)
+            except ApiError as error:
+                if error.status not in REFUSED:
+                    raise
+                continue  # another one's, as far as anybody knows
             for item in there:
                 if is_meant(node, [node_of(item)]):
                     return namespace, name_of(item)

@@ -26,7 +26,7 @@ from .._ros.graph import Graph, Handshake, Rate, host_of
 from .._step.objects import Object, address_of, annotations_of, app_of, gate_of, is_terminating, labels_of, name_of
 from .._step.record import record_name, record_of
 from .._step.words import CONTAINER, READINESS, REVISION, SETTINGS, TEMPLATE_HASH
-from .cluster_api import REFRESH, ApiError, Cluster
+from .cluster_api import REFRESH, REFUSED, ApiError, Cluster
 from .keeper import Keeper
 
 CALLER = "/rosops_fleet_readiness"
@@ -35,7 +35,6 @@ ANEW, ENDED = "not ready: its container was started anew", "not ready: its conta
 TELL = 1.0  # s between two reasons that are told of one pod
 OWED = 1.0  # s for which what was read of its record counts
 GONE = 410  # the API's answer where the version to go on from is too old
-REFUSED = (403, 404)  # and where the namespace is no more, or its Role not yet there
 AGAIN, SELDOM = 1.0, 300.0  # s after an API that did not answer; at most, between refusals
 UNHEARD = 5.0  # s for a node to register with a master that has just come: the keeper restores what it knew
 LATCHED = 1.0  # s for what the old pod's nodes have latched

@@ -662,6 +662,23 @@ def test_a_launch_files_server_is_known_by_its_action() -> None:
     assert world.requests[asked:] == ["deployment"]
 
 
+def test_whether_a_server_stays_is_known_beside_a_robot_that_may_not_be_read() -> None:
+    world = World("fleet", "robot-r1", "robot-r2")
+    world.put(live(version("camera", 2, "robot-r2", "/camera")), left(), "robot-r2")
+
+    def refused(namespace: str) -> None:
+        if namespace == "robot-r1":
+            raise ApiError("answered 403", 403)
+
+    world.before("deployments", refused)
+    stays = Staying(world, lambda: world.at)  # type: ignore[arg-type]
+    answers = []
+    for _look in range(3):
+        answers.append(stays("/dock", "/camera"))
+        world.at += 5.0
+    assert answers == [False] * 3
+
+
 def test_while_nobody_can_say_it_nobody_can_take_it_back_either() -> None:
     world = left_alone(node="/camera")
     world.away = True
