@@ -164,33 +164,35 @@ class Readiness:
         if what == WITHDRAW:
             self._say(pod, False, ENDED)
         elif what:
-            self._begin(uid, END if what == END else container_of(pod))
+            self._begin(uid, END if what == END else container_of(pod), self.now())
 
-    def _begin(self, uid: str, work: str) -> None:
+    def _begin(self, uid: str, work: str, since: float) -> None:
         with self.lock:
             new = (uid, work) not in self.at_work
             self.at_work.add((uid, work))
         if new:
-            self.start(partial(self._work, uid, work))
+            self.start(partial(self._work, uid, work, since))
 
     def start(self, work: Callable[[], None]) -> None:
         threading.Thread(target=work, daemon=True).start()
 
-    def _work(self, uid: str, work: str) -> None:
+    def _work(self, uid: str, work: str, since: float) -> None:
         try:
             if work == END:
                 with self.turn:
                     self._end(self.pods[uid])
             else:
-                self._prove(uid, work)
+                self._prove(uid, work, since)
         except Exception as error:  # one pod's trouble is no other's
             if not isinstance(error, ApiError):  # the watch tells of an API that is away
                 self.log(f"{self.namespace}: pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
+        else:
+            since = self.now()
         self.at_work.discard((uid, work))
         pod = self.pods.get(uid)
         if work != END and pod is not None and due(pod) == PROVE:  # it ended by an error, or was proven just now
-            self._begin(uid, container_of(pod))
+            self._begin(uid, container_of(pod), since if container_of(pod) == work else self.now())
 
     def _say(self, pod: Object, ready: bool, text: str) -> Object:
         """In the pod's own condition, which it returns; a pod that has gone meanwhile needs none."""
@@ -205,13 +207,13 @@ class Readiness:
 
     # ---- a new version
 
-    def _prove(self, uid: str, container: str) -> None:
+    def _prove(self, uid: str, container: str, began: float) -> None:
         """The graph is looked at while the pod's own command is still awaited, and once more when that has passed.
 
         The kubelet takes up to a second to count a gate, so the gate has to be there when the command passes. A look
         that finds something missing until then takes it back.
         """
-        pod, began, told, told_at = self.pods[uid], self.now(), "", self.now() - TELL
+        pod, told, told_at = self.pods[uid], "", self.now() - TELL
         proven, proven_at = is_proven(pod), began
         if not proven and (gate_of(pod) or {}).get("status") == "True":
             self._say(pod, False, ANEW)

@@ -435,6 +435,21 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
     assert len(scene.api.evicted) == evicted
 
 
+def test_an_api_that_fails_just_then_keeps_no_node_from_being_begun_anew(scene: Scene) -> None:
+    vars(scene.world).update(publishers={"/in": ["/source"]}, subscribers={}, services={})
+    evict, failures = scene.api.evict, iter([ApiError("it is away"), ApiError("busy", 429)])
+
+    def fails(*asked: Any) -> None:
+        for error in failures:
+            raise error
+        evict(*asked)
+
+    scene.api.evict = fails  # type: ignore[method-assign]
+    scene.when = [(3.0, lambda: setattr(scene, "restarted_at", 3.0)), (30.0, lambda: scene.gates.pods.clear())]
+    scene.gates.take(pod())
+    assert scene.api.evicted
+
+
 def test_nothing_is_proven_by_a_master_that_has_not_been_given_all_back(scene: Scene) -> None:
     """A subscriber that it does not know may be there: whoever took it for one that left would lose its messages."""
     scene.whole_since = 30.0
