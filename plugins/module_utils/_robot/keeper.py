@@ -67,7 +67,7 @@ class Keeper:
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
         self.whole_at: tuple[Any, ...] = ()  # the master that has all that was registered with the one before,
         self.whole_since = math.inf
-        self.ended: queue.SimpleQueue[str] = queue.SimpleQueue()  # addresses of pods
+        self.ended: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # addresses of pods, and spaces
         self.complete = bool(self.memory.master and self.params) or not self.keeps
         self.away = ""
         self.present: dict[str, Entry] = {}
@@ -97,15 +97,19 @@ class Keeper:
         self.changed = True
         return [1, "", 0]
 
-    def has_ended(self, address: str) -> None:
-        """The pod with this address of its own ends: there is nothing of it to give back. From any thread."""
-        self.ended.put(address)
+    def has_ended(self, address: str, space: str) -> None:
+        """The pod with this address of its own ends: to its nodes, which are below `space`, nothing is given back.
+
+        From any thread.
+        """
+        self.ended.put((address, f"{space.rstrip('/')}/"))
 
     def _forget_ended(self) -> None:
         while not self.ended.empty():
-            address = self.ended.get()
-            for node in [node for node, entry in self.memory.nodes.items() if host_of(entry.uri) == address]:
-                self.memory.forget(node)
+            address, space = self.ended.get()
+            for node, entry in [*self.memory.nodes.items()]:
+                if host_of(entry.uri) == address and node.startswith(space):
+                    self.memory.forget(node)
 
     def is_whole(self, since: float) -> bool:
         """Whether the master that answers now had, at that time by `now`, been given back what the one before had.
@@ -130,7 +134,7 @@ class Keeper:
     def take_back(self, nodes: Iterable[str]) -> None:
         """Point the services of these nodes to them again, where they live: whoever has them now is about to go."""
         names = {*nodes}
-        wanted = {node: entry for node, entry in self.memory.nodes.items() if is_meant(node, names)}
+        wanted = {node: entry for node, entry in [*self.memory.nodes.items()] if is_meant(node, names)}
         present = self.ros.snapshot() if wanted else {}
         need = registrations.missing(wanted, present, take_services=True)
         if need:

@@ -295,7 +295,7 @@ class Readiness:
     def _end(self, pod: Object) -> None:
         """Its nodes leave the graph, and end: roscpp as process 1 of a container is deaf to SIGTERM."""
         if not pod["spec"].get("hostNetwork"):
-            self.keeper.has_ended(address_of(pod))
+            self.keeper.has_ended(address_of(pod), settings_of(pod).space)
         replaced = any(map(is_proven, self._others(pod)))
         for node in self._nodes([pod]):
             if not replaced:  # else that was done before the next one was said to be ready

@@ -242,6 +242,22 @@ def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> N
     assert len(bench.said) == said
 
 
+def test_a_node_that_comes_meanwhile_keeps_no_service_from_being_given_back(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The looks at the master are another thread's."""
+    bench.step()
+    bench.ros.entries["/talker"] = Entry(TALKER.uri, 7, TALKER.publications)
+
+    def comes(node: str, names: set[str]) -> bool:
+        bench.keeper.memory.nodes.setdefault("/new", LISTENER)
+        return node in names
+
+    monkeypatch.setattr(keeper, "is_meant", comes)
+    bench.keeper.take_back(["/talker"])
+    assert bench.ros.entries["/talker"].services == TALKER.services
+
+
 def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(bench: Bench) -> None:
     bench.keeper.held = lambda: True
     while bench.at - 1000 < keeper.QUIET:
@@ -389,7 +405,7 @@ def test_a_pod_that_was_ended_meanwhile_gets_nothing_back(bench: Bench) -> None:
     bench.steps(2)
     bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
     bench.ros.restart()
-    bench.keeper.has_ended("l")
+    bench.keeper.has_ended("l", "/")
     bench.step()
     assert set(bench.registered()) == {"/talker"}
     bench.ros.entries["/listener"] = LISTENER
@@ -397,7 +413,7 @@ def test_a_pod_that_was_ended_meanwhile_gets_nothing_back(bench: Bench) -> None:
     ask, bench.ros.verdicts["/talker"] = bench.ros.ask, Liveness(UNKNOWN, "no answer")
 
     def ends_meanwhile(*given: Any, **options: Any) -> dict[str, Liveness]:
-        bench.keeper.has_ended("t")
+        bench.keeper.has_ended("t", "")
         return ask(*given, **options)
 
     bench.ros.ask = ends_meanwhile  # type: ignore[method-assign]
@@ -406,6 +422,16 @@ def test_a_pod_that_was_ended_meanwhile_gets_nothing_back(bench: Bench) -> None:
     assert set(bench.registered()) == {"/listener"}
     bench.steps(20)
     assert set(bench.registered()) == {"/listener"}
+
+
+def test_a_pod_that_ends_takes_nothing_from_another_robot(bench: Bench) -> None:
+    """Its address is what its host says, on a master that robots share, too."""
+    bench.steps(2)
+    bench.ros.verdicts["/listener"] = Liveness(UNKNOWN, "no answer")
+    bench.ros.restart()
+    bench.keeper.has_ended("l", "/r2")
+    bench.step()
+    assert set(bench.registered()) == {"/talker", "/listener"}
 
 
 @pytest.mark.parametrize("keeper_too", [False, True])

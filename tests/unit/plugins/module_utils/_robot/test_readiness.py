@@ -145,8 +145,8 @@ class Scene(Clock):
         super().__init__()
         self.world, self.api, self.restarted_at = World(), Api(), -1.0
         self.done: list[tuple[str, ...]] = []
-        self.ended: list[str] = []  # addresses
-        self.has_ended = self.ended.append
+        self.ended: list[tuple[str, str]] = []  # addresses, and below which name
+        self.has_ended = lambda *of_pod: self.ended.append(of_pod)
         self.log: list[str] = []
         self.places = {OWN: URI}  # all others are elsewhere
         self.whole_since = -1.0
@@ -373,8 +373,8 @@ def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene:
     assert scene.done[1:] == [(step, "/talker_00000000") for step in steps]
 
 
-@pytest.mark.parametrize(("on_host", "ended"), [(False, [ADDRESS]), (True, [])])
-def test_of_a_pod_that_ends_nothing_is_given_back(scene: Scene, on_host: bool, ended: list[str]) -> None:
+@pytest.mark.parametrize(("on_host", "ended"), [(False, [(ADDRESS, "/")]), (True, [])])
+def test_of_a_pod_that_ends_nothing_is_given_back(scene: Scene, on_host: bool, ended: list[tuple[str, str]]) -> None:
     """With its host's network the address is others', too."""
     ends = pod(ends=True)
     ends["spec"]["hostNetwork"] = on_host
@@ -402,6 +402,7 @@ def test_a_pod_that_ends_takes_no_other_robots_nodes_along(scene: Scene) -> None
     scene.places = dict.fromkeys(("/r1/talker_1", "/r1/deep/camera", "/r11/talker_1", "/map"), URI)
     scene.gates.take(knowing(pod(says="c1", ends=True), node="/r1/talker", space="/r1"))
     assert {node for _step, node in scene.done} == {"/r1/talker_1", "/r1/deep/camera"}
+    assert scene.ended == [(ADDRESS, "/r1")]
 
 
 @pytest.mark.parametrize("known", [{}, {"expect_node": False, "launch": "overlap"}])
@@ -435,7 +436,9 @@ def test_a_node_that_told_a_master_that_has_gone_is_begun_anew(
     assert len(scene.api.evicted) == evicted
 
 
-def test_an_api_that_fails_just_then_keeps_no_node_from_being_begun_anew(scene: Scene) -> None:
+def test_an_api_that_fails_just_then_keeps_no_node_from_being_begun_anew(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
     vars(scene.world).update(publishers={"/in": ["/source"]}, subscribers={}, services={})
     evict, failures = scene.api.evict, iter([ApiError("it is away"), ApiError("busy", 429)])
 
@@ -444,7 +447,7 @@ def test_an_api_that_fails_just_then_keeps_no_node_from_being_begun_anew(scene: 
             raise error
         evict(*asked)
 
-    scene.api.evict = fails  # type: ignore[method-assign]
+    monkeypatch.setattr(scene.api, "evict", fails)
     scene.when = [(3.0, lambda: setattr(scene, "restarted_at", 3.0)), (30.0, lambda: scene.gates.pods.clear())]
     scene.gates.take(pod())
     assert scene.api.evicted
