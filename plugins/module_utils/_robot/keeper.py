@@ -305,8 +305,9 @@ class Keeper:
         self.changed = False  # first: what changes while they are read is news
         caller = self.ros.caller
         news = [("subscribeParam", caller, self.uri, "/")] if self.uri and self.told_by != master else []
-        tree = self.ros.calls([*news, ("getParam", caller, "/")])[-1]
-        if isinstance(tree, RosError):
+        *who, tree = self.ros.calls([*self._who, *news, ("getParam", caller, "/")])
+        # a master that came within this look has not been given back what is on record
+        if isinstance(tree, RosError) or _identity(who[:3]) != master:
             self.changed = True
             return
         self.params_at, self.told_by = now, master

@@ -400,6 +400,22 @@ def test_a_node_that_is_late_when_the_master_comes_back_is_no_node_that_left(ben
     assert len(bench.said) == said
 
 
+def test_a_master_that_is_restarted_within_a_look_is_asked_for_nothing_that_it_lacks(bench: Bench) -> None:
+    """Parameters that are read of it are not what the one before had."""
+    bench.step(keeper.PARAMETERS)
+    calls = bench.ros.calls
+
+    def restarts(requests: Sequence[tuple[Any, ...]]) -> list[Any]:
+        if requests[-1][2:] == ("/",):
+            bench.ros.restart()
+            bench.ros.calls = calls  # type: ignore[method-assign]
+        return calls(requests)
+
+    bench.ros.calls = restarts  # type: ignore[method-assign]
+    bench.steps(3)
+    assert bench.ros.params["robot"] == {"wheels": 4}
+
+
 def test_a_pod_that_was_ended_meanwhile_gets_nothing_back(bench: Bench) -> None:
     """Its address answers nobody, and its nodes would be looked for by those of the next version."""
     bench.steps(2)
