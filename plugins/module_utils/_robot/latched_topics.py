@@ -87,7 +87,7 @@ class LatchedTopics:
         for topic, (header, file) in found.items():
             had = {edge.peer: "" for edge in edges if edge.topic == topic and edge.direction == "o"}
             size = file.stat().st_size
-            self._add(Value(topic, node, uri, header, file.name, size, had))
+            self._add(Value(topic, str(node), uri, header, file.name, size, had))
             self.log(f"keeps what {node} latched on {topic}, {size} bytes")
         if found:
             self._save()
@@ -102,6 +102,8 @@ class LatchedTopics:
             return {}, []
         self.directory.mkdir(exist_ok=True)
         files = {topic: self.directory / os.urandom(8).hex() for topic in topics}
+        with self.lock:
+            self.taking.update(dict.fromkeys(files.values(), 0))
         tasks: dict[Any, Callable[[], Any]] = {
             topic: partial(take, topic, uri, self.caller, file, partial(self._reserve, file), seconds)
             for topic, file in files.items()
@@ -117,6 +119,8 @@ class LatchedTopics:
 
     def _reserve(self, file: Path, _topic: str, size: int) -> None:
         with self.lock:
+            if file not in self.taking:
+                raise RosError("it came too late")
             used = sum(self.taking.values()) + sum(value.size for value in self.values.values())
             if size > MESSAGE or used + size > TOTAL:
                 raise RosError(f"{size} bytes, of {MESSAGE} for a message and {TOTAL - used} left for all")

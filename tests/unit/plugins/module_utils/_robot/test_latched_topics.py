@@ -305,6 +305,33 @@ def test_what_is_too_large_or_too_much_is_said_and_not_kept(stage: Stage, monkey
     assert len(stage.files()) == 1
 
 
+def test_what_comes_too_late_takes_no_room(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    late: list[Any] = []
+
+    def in_vain(tasks: Any, _seconds: float, failed: Any) -> Any:
+        late.extend(tasks.values())
+        return {topic: failed(topic, TimeoutError()) for topic in tasks}
+
+    topic = LatchingTopic()
+    old = stage.node(OLD, topic)
+    topic.publish(b"at the charger")
+    monkeypatch.setattr(latched_topics, "in_parallel", in_vain)
+    assert "no answer" in stage.hook(old)
+    with pytest.raises(RosError, match="too late"):
+        late[0]()
+    assert (stage.keeper.taking, stage.files()) == ({}, [])
+
+
+def test_whatever_a_node_is_called_its_files_are_counted(stage: Stage) -> None:
+    topic = LatchingTopic()
+    topic.publish(b"at the charger")
+    uri = stage.node(OLD, topic).uri
+    odd: Any = 5
+    for _call in range(2):
+        stage.keeper.keep(odd, uri, 4.0)
+    assert len(stage.files()) == len(stage.keeper.values) == 1
+
+
 def test_an_actions_topics_and_those_that_nobody_latched_are_left_out(stage: Stage) -> None:
     status, quiet, plain = LatchingTopic("/work/status"), LatchingTopic("/quiet"), Publication("/plain", HEADER)
     status.publish(b"no goals")
