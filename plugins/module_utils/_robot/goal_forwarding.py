@@ -24,6 +24,7 @@ from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .._ros.streams import TopicStream
 from . import goal_rules as rules
 from .goal_rules import Goal, Hold, Order, Sight
+from .memory import boot_of_host
 
 TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
@@ -317,11 +318,16 @@ class GoalForwarding:
 
     def __post_init__(self) -> None:
         self.forwarders: dict[str, Forwarder] = {}
-        self.lock = threading.RLock()
+        self.lock, self.boot = threading.RLock(), boot_of_host()
         self.calls: Calls = {"hold": self.hold, "release": self.release, "state": self.state}
 
     def resume(self, kept: Sequence[Any]) -> None:
+        """Go on after a restart; what was held before a boot of the host is nobody's wish any more."""
         for item in kept:
+            if item.get("boot", self.boot) != self.boot:
+                count = len(item["goals"])
+                self.log(f"goals of {item['action']}: {count} goals go, which came before the host was booted")
+                continue
             one = Forwarder(rules.from_dict(item, time.monotonic()), item["header"], self)
             self.forwarders[one.hold.action] = one
             one.log(f"{len(one.hold.goals)} goals are still held")
@@ -330,8 +336,8 @@ class GoalForwarding:
     def save(self) -> bool:
         """Keep it; whether that could be done."""
         with self.lock:
-            now = time.monotonic()
-            return self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
+            now, every = time.monotonic(), self.forwarders.values()
+            return self.write([{**one.hold.as_dict(now), "header": one.header, "boot": self.boot} for one in every])
 
     def ended(self, forwarder: Forwarder) -> None:
         """Until that is written: what an old file says is held would be forwarded a second time."""
