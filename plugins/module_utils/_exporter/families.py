@@ -135,7 +135,7 @@ def text(families: Iterable[Family]) -> bytes:
         for labels, value in one.samples:
             inner = ",".join(f'{key}="{escaped(word)}"' for key, word in sorted(labels.items()))
             lines.append(f"{one.name}{{{inner}}} {number(value)}" if inner else f"{one.name} {number(value)}")
-    return "\n".join([*lines, "# EOF\n"]).encode()
+    return "\n".join([*lines, "# EOF\n"]).encode(errors="replace")
 
 
 def escaped(word: str) -> str:

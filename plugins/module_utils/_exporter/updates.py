@@ -51,7 +51,7 @@ def parse(text: str) -> list[Update]:
     for entry in entries:
         with contextlib.suppress(AttributeError, KeyError, TypeError, ValueError):  # it is none
             found[entry["app"]] = _update(entry)
-    return [found[app] for app in sorted(found)]
+    return [found[app] for app in sorted(found, key=str)]
 
 
 def _update(entry: Document) -> Update:
@@ -99,7 +99,7 @@ class Updates:
         except (OSError, UnicodeError):
             return []  # being replaced: the next look will do
         if self.said is None:
-            new = [one for one in self.entries if now - (one.finished or one.started or 0.0) < RECENT]
+            new = [one for one in self.entries if abs(now - (one.finished or one.started or 0.0)) < RECENT]
         else:
             new = [one for one in self.entries if (one.id, one.outcome) not in self.said]
         # only the latest: the record does not grow, and neither may this

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import text as families_text
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import RECENT, Updates, families, parse
 
 NOW = 1_800_000_000.0
@@ -54,6 +55,12 @@ def test_nonsense_beside_sense() -> None:
     assert shown(running)["robot_update_phase_seconds"] == []
 
 
+def test_whatever_an_app_is_called_it_is_text() -> None:
+    entries = parse(text({**ENTRY, "app": 5}, {**ENTRY, "app": "\ud800"}, ENTRY))
+    assert [entry.app for entry in entries] == ["5", "camera", "\ud800"]
+    assert b'robot_update_busy_wait_seconds{app="?"} 7.0' in families_text(families(entries))
+
+
 def said(updates: Updates, now: float = NOW) -> list[tuple[str, str]]:
     return [(found["id"], found["outcome"]) for found in map(json.loads, updates.read(now))]
 
@@ -73,10 +80,11 @@ def test_each_outcome_is_said_once(tmp_path: Path) -> None:
     assert said(updates) == []
 
 
-def test_a_restart_repeats_only_what_just_happened(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("now", "again"), [(NOW, ["0123456789ab"]), (0.0, [])])  # a board without a battery
+def test_a_restart_repeats_only_what_just_happened(tmp_path: Path, now: float, again: list[str]) -> None:
     path = tmp_path / "updates.json"
     old = {**ENTRY, "app": "old", "id": "ffffffffffff", "finished": NOW - RECENT - 1}
     path.write_text(text(ENTRY, old))
     updates = Updates(str(path))
-    assert said(updates) == [("0123456789ab", "updated")]
+    assert said(updates, now) == [(one, "updated") for one in again]
     assert [entry.app for entry in updates.entries] == ["camera", "old"]
