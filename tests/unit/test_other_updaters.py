@@ -9,6 +9,7 @@ import os
 import re
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 import threading
@@ -363,6 +364,33 @@ def test_at_the_keeper_itself(world: World, monkeypatch: pytest.MonkeyPatch) -> 
     finally:
         slave.stop()
     assert may("--url", slave.uri) == 1
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        "",
+        "nonsense\r\n",
+        "HTTP/1.1 200 OK\r\nContent-Length: 99\r\n\r\n{",
+        "HTTP/1.1 500 No\r\nContent-Length: 9\r\n\r\n",
+    ],
+)
+def test_an_answer_that_is_cut_off_says_nothing(answer: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def cut() -> None:
+            with listener.accept()[0] as link:
+                link.recv(1 << 16)
+                link.sendall(answer.encode())
+
+        threading.Thread(target=cut, daemon=True).start()
+        assert may("--url", f"http://127.0.0.1:{listener.getsockname()[1]}") == 1
+    assert "cannot be asked" in capsys.readouterr().err
+
+
+def test_an_address_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert may("--url", "http://10.0.0.7:11411x") == 1
+    assert "11411x" in capsys.readouterr().err
 
 
 def test_a_token_goes_nowhere_else(api: Api) -> None:
