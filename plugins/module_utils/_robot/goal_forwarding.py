@@ -363,8 +363,9 @@ class GoalForwarding:
             else:
                 one.hold.again(server, old_uri, until)
         waiting = self._first(one)
-        if not one.is_alive():
-            one.start()
+        with self.lock:  # two of one action may come at the same time
+            if not one.is_alive():
+                one.start()
         self.save()
         clients = len(one.scene.clients)
         one.log(f"held for {float(seconds):g} s, from {clients} clients")
@@ -395,7 +396,8 @@ class GoalForwarding:
                 return [1, f"no goals of {action} are held", 0]
             one.hold.release(time.monotonic())
         one.wake.set()
-        one.join(FIRST)
+        if one.is_alive():  # else its hold is still being made
+            one.join(FIRST)
         kept = "" if one.over else f"{len(one.hold.goals)} goals are kept"
         return [1, kept, one.hold.forwarded]
 

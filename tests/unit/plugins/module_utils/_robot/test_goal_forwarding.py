@@ -282,6 +282,17 @@ def test_a_client_that_hangs_is_told_and_holds_up_nobody(stage: Stage, monkeypat
     until(lambda: stage.held() == ["one"])
 
 
+def test_what_is_not_wholly_held_yet_is_let_go(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever waited for a hold in vain lets go of it."""
+    monkeypatch.setattr(forwarding, "FIRST", 0.3)
+    stage.master.nodes["/hung"] = f"http://127.0.0.1:{stage.peers.hung()}/"
+    stage.master.publishers[f"{ACTION}/goal"].append("/hung")
+    threading.Thread(target=stage.keeper.hold, args=(ACTION, SERVER, 60.0), daemon=True).start()
+    until(lambda: bool(stage.keeper.state()[2]))
+    assert stage.keeper.release(ACTION)[0] == 1
+    until(lambda: not stage.keeper.state()[2])
+
+
 def test_no_server_comes(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rules, "KEEP", 0.1)
     hold_one(stage)
