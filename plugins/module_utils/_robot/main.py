@@ -16,7 +16,7 @@ import threading
 import time
 from typing import Callable, Mapping
 
-from .._common.errors import KubeError
+from .._common.errors import KubeError, printable
 from .._exporter import exporter
 from .._ros.client import Ros1Client
 from .._ros.keeper_client import KeeperCalls
@@ -44,8 +44,9 @@ WAKING = signal.SIGUSR1  # to itself: the master has ended
 ANEW = -1  # what main returns to be begun anew
 
 
-def tell(line: str) -> None:
-    exporter.say(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {line}")
+def tell(text: str) -> None:
+    """As one line, whatever names of others are in it: who reads the log takes a line of JSON for an update."""
+    exporter.say(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {printable(' '.join(text.split()))}")
 
 
 def options(words: list[str]) -> dict[str, str]:

@@ -134,3 +134,10 @@ def test_who_holds_the_robot_through_its_door_holds_its_goals(tmp_path: Path, mo
         client.stop()
         peers.close()
         api.stop()
+
+
+def test_what_it_tells_is_one_line_whatever_a_node_is_called(capsys: pytest.CaptureFixture[str]) -> None:
+    main.tell('removed /x\n{"event": "update"}\x9b2J')
+    told = capsys.readouterr().out
+    assert told.count("\n") == 1
+    assert told.endswith('Z removed /x {"event": "update"}\\x9b2J\n')
