@@ -166,6 +166,7 @@ class Memory:
         back.
         """
         self.removed = {node: (entry, at) for node, (entry, at) in self.removed.items() if now - at <= MEMORY}
+        self.seen = {node: at for node, at in self.seen.items() if node in self.nodes or node in self.removed}
         everyone = {node: entry for node, (entry, _at) in self.removed.items()}
         everyone.update({node: self.nodes[node] for node in (*present, *self.missed) if node in self.nodes})
         found = {}

@@ -143,6 +143,8 @@ class Readiness:
             self.pods = {}
             for pod in found:
                 self.take(pod)
+            for uid in self.seen.keys() - self.pods.keys():
+                self.seen.pop(uid, None)
         for event in self.cluster.watch_pods(self.namespace, version):
             pod = event.get("object") or {}
             if event.get("type") == "ERROR":  # that version is too old by now

@@ -149,7 +149,9 @@ def test_the_very_same_process_comes_back() -> None:
     assert looks(it, (20.0, Liveness(ALIVE, "", 7))) == ([], ["/n"])
     assert it.revive("/n") == it.nodes["/n"]
     it.bury("/n", 0.0)
+    it.judge({"/left": ENTRY}, {"/left": YES}, 60.0)  # while it was asked
     assert it.due({}, MEMORY + 1) == {}
+    assert not it.seen  # nothing is left of tools that come and go for years
     assert it.removed == {}
 
 

@@ -478,8 +478,9 @@ def test_it_follows_what_happens(scene: Scene) -> None:
 
     scene.api.there = [pod("old", says="c1")]
     scene.api.events = [event("ADDED", "2", pod()), event("DELETED", "3", pod("old")), event("BOOKMARK", "9")]
+    scene.gates.seen["gone"] = cast("readiness.OwnNode", None)  # while nobody told of it
     assert scene.gates.follow("") == "9"
-    assert list(scene.gates.pods) == ["new"]
+    assert (list(scene.gates.pods), list(scene.gates.seen)) == (["new"], ["new"])
     scene.api.events = [event("ERROR", "")]
     assert scene.gates.follow("9") == ""
 
