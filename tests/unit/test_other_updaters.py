@@ -345,6 +345,11 @@ def test_in_a_pod_by_its_account(
         server.drop(f"{PROXY}{PATH}may-change")
         server.put(f"{PROXY.replace(SPACE, 'fleet')}{PATH}may-change", {"go": True})
         assert may() == 0  # a shared master's keeper
+        server.refuse = lambda path: 403 if path.startswith(PROXY) else 0  # whoever may ask that one alone
+        assert may() == 0
+        server.refuse = lambda path: 403 if PATH in path else 0
+        assert may() == 1
+        assert PROXY in capsys.readouterr().err
         (tmp_path / "ca.crt").write_bytes(certificate()[0])
         assert may() == 1
         assert "certificate" in capsys.readouterr().err.lower()
