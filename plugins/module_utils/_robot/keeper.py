@@ -317,7 +317,7 @@ class Keeper:
 
 def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:
     """What tells this run of the master from another."""
-    return tuple(None if isinstance(part, RosError) else part for part in parts)
+    return tuple(part if isinstance(part, (int, str)) else None for part in parts)
 
 
 def in_words(calls: Iterable[Call]) -> str:

@@ -7,6 +7,7 @@ import json
 import socket
 import threading
 import time
+import xmlrpc.client
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -168,6 +169,13 @@ def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> Non
     assert {node: entry["pid"] for node, entry in content["nodes"].items()} == {"/talker": 7, "/listener": 8}
     assert content["nodes"]["/talker"]["publications"] == {"/chatter": "std_msgs/String"}
     assert bench.said == []
+
+
+def test_whatever_stands_for_the_run_it_can_be_written(bench: Bench) -> None:
+    """Anybody may set that parameter."""
+    bench.ros.params["run_id"] = xmlrpc.client.Binary(b"x")
+    bench.step()
+    assert (bench.said, bench.start().memory.nodes.keys()) == ([], {"/talker", "/listener"})
 
 
 def test_its_clock_is_one_that_nobody_sets(tmp_path: Path) -> None:
