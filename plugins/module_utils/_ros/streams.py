@@ -149,12 +149,14 @@ class Streams:
         """`took` gets each message, with its publisher's header, `left` whose stream is over; `seconds` to open one."""
         self.caller, self.seconds, self.took, self.left = caller, seconds, took, left
         self.open: dict[Source, TopicStream] = {}
+        self.wanted: Collection[Source] = ()
 
     def keep(self, sources: Collection[Source]) -> dict[Source, str]:
         """Have one of each of these, and no others; who cannot be heard, and why.
 
         Where nothing listens any more nobody speaks, so of that nothing is said.
         """
+        self.wanted = sources
         for source, stream in list(self.open.items()):  # to which one that answers late may still be added
             if source not in sources or not stream.open:
                 self.open.pop(source).close()
@@ -172,7 +174,8 @@ class Streams:
             raise uri
         stream = TopicStream(self.caller, topic, uri, lambda body: self.took(source, stream.header, body))
         stream.connect(self.seconds)
-        self.open[source] = stream
+        if self.open.setdefault(source, stream) is not stream or source not in self.wanted:
+            stream.close()  # it came late
         return ""
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import socket
 import struct
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import streams
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import NodeKey, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import TimedSocket
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import count_messages
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
+from ansible_collections.rosops.fleet.tests.unit.plugins.latching import TOPIC, LatchingTopic, latching_node
 
 
 class Publisher:
@@ -69,3 +72,22 @@ def test_a_patient_look_goes_on_until_a_slow_rate_is_known(monkeypatch: pytest.M
     rate = Publisher(5, monkeypatch).counted(0.3, patient=True, latching="0")
     assert rate.messages >= 6
     assert rate.known == pytest.approx(5, rel=0.1)
+
+
+def test_a_stream_that_opens_when_nobody_listens_any_more_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    late: list[Any] = []
+
+    def in_vain(tasks: Any, _seconds: float, failed: Any) -> Any:
+        late.extend(tasks.values())
+        return {source: failed(source, TimeoutError()) for source in tasks}
+
+    monkeypatch.setattr(streams, "in_parallel", in_vain)
+    node = latching_node("/talker", LatchingTopic())
+    try:
+        heard = streams.Streams("/us", 2.0, lambda *_: None)
+        assert heard.keep([(TOPIC, "/talker", node.uri)])
+        heard.keep(())
+        late[0]()
+        until(lambda: not node.callers(TOPIC))
+    finally:
+        node.stop()
