@@ -29,19 +29,20 @@ def used(path: str) -> int:
     total, seen, todo = 0, set(), [path]
     device = os.stat(path).st_dev  # noqa: PTH116 - pathlib is not worth its memory here
     while todo:
-        try:
-            with os.scandir(todo.pop()) as entries:
-                for entry in entries:
+        # what is gone, or not ours to read: the rest still counts
+        with contextlib.suppress(OSError), os.scandir(todo.pop()) as entries:
+            for entry in entries:
+                try:
                     status = entry.stat(follow_symlinks=False)
-                    if status.st_dev != device or (status.st_nlink > 1 and status.st_ino in seen):
-                        continue
-                    total += status.st_blocks * BLOCK
-                    if entry.is_dir(follow_symlinks=False):
-                        todo.append(entry.path)
-                    elif status.st_nlink > 1:
-                        seen.add(status.st_ino)
-        except OSError:  # gone, or not ours to read: the rest still counts
-            continue
+                except OSError:
+                    continue
+                if status.st_dev != device or (status.st_nlink > 1 and status.st_ino in seen):
+                    continue
+                total += status.st_blocks * BLOCK
+                if entry.is_dir(follow_symlinks=False):
+                    todo.append(entry.path)
+                elif status.st_nlink > 1:
+                    seen.add(status.st_ino)
     return total
 
 

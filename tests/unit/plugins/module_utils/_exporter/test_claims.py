@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,20 @@ def test_what_claims_hold(tmp_path: Path) -> None:
     found = look(str(tmp_path), "robot-r1")
     assert found == {"data-pvc": sum(map(blocks, every)), "with_more": 0}
     assert look(str(tmp_path / "none"), "robot-r1") == {}
+
+
+def test_a_file_that_goes_meanwhile_takes_no_other_along(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).write_bytes(b"x" * 9_000)
+    left, scandir = blocks(tmp_path / "b"), os.scandir
+
+    def goes(path: str) -> AbstractContextManager[list[os.DirEntry[str]]]:
+        entries = sorted(scandir(path), key=lambda entry: entry.name)
+        (tmp_path / "a").unlink()
+        return nullcontext(entries)
+
+    monkeypatch.setattr(os, "scandir", goes)
+    assert used(str(tmp_path)) == left
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may read everything")
