@@ -393,6 +393,12 @@ def test_an_answer_that_is_cut_off_says_nothing(answer: str, capsys: pytest.Capt
     assert "cannot be asked" in capsys.readouterr().err
 
 
+def test_no_name_on_the_graph_writes_to_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    said = {"go": False, "reason": "busy on /x\x9b2J\n/\u202eü"}
+    assert MAY.main(["robot1"], lambda *_: (200, said)) == 75
+    assert capsys.readouterr().err == "rosops-may: robot1: not now: busy on /x\\x9b2J /\\u202eü\n"
+
+
 def test_an_address_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
     assert may("--url", "http://10.0.0.7:11411x") == 1
     assert "11411x" in capsys.readouterr().err
