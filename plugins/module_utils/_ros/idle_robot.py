@@ -170,7 +170,10 @@ def hold(arguments: Arguments) -> Data:
     robot = IdleRobot(ros, KeeperCalls(keeper, STEP), conditions_from(wanted), lambda: seconds)
     servers = {one["name"]: one["server"] for one in actions if one.get("server") and keeper and seconds}
     looks = CONSECUTIVE if seconds else 1
-    ended = hold_when_idle(robot, servers, arguments["timeout"], arguments["interval"], looks)
+    try:
+        ended = hold_when_idle(robot, servers, arguments["timeout"], arguments["interval"], looks)
+    finally:
+        robot.close()
     return {
         "changed": bool(ended.held), "verdict": ended.verdict, "reason": ended.reason, "held": list(ended.held),
     }  # fmt: skip

@@ -189,12 +189,15 @@ def test_a_master_that_is_silent_just_then_and_a_keeper_that_cannot_are_told(
     assert (hold()["held"], hold()["reason"]) == ([], "goals of /work are not held: no answer")
 
 
-def test_what_messages_must_say_is_listened_to_from_look_to_look(world: World) -> None:
+def test_what_messages_must_say_is_listened_to_from_look_to_look(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     """And for longer than this call lasts, if need be: then it is not so yet."""
+    closed = list[Listener]()
+    monkeypatch.setattr(Listener, "close", lambda ears: closed.append(ears))
     hold(values=[{"topic": "/cmd_vel", "quiet": 5.0}])
     assert len(world.looked) > 1
     (ears,) = {*world.heard}
     assert ears.__func__ is Listener.checks
+    assert closed == [ears.__self__]  # a keeper goes on, and would read for ever
     with pytest.raises(SpecError, match=r"values\[0\]"):
         hold(values=[{"topic": "/cmd_vel"}])
 
