@@ -209,19 +209,23 @@ def images_plan(
     """What must be there in the end, name to ID; the archives to bring, each with those of its images that the node
     lacks; and the names to pull, which no archive holds. A pulled image's ID is not known beforehand and is empty.
 
-    An archive is `{path, images}`, where `images` names those that count; none means all.
+    An archive is `{path, images}`, where `images` names those that count; none means all. Of a name that several hold
+    the last one counts, and comes again where one before it, with another image of that name, has to be brought.
     """
     wanted: dict[str, str] = {}
     bring: dict[str, Sequence[Image]] = {}
-    for archive in archives:
-        path = str(archive["path"])
-        images = _chosen(archive, archive_images(path, present.machine))
+    chosen = [(str(one["path"]), _chosen(one, archive_images(str(one["path"]), present.machine))) for one in archives]
+    for path, images in chosen:
         wrong = sorted({image.architecture for image in images} - {architecture_of(present.machine), ""})
         if wrong:
             raise SpecError(f"{path} holds images for {', '.join(wrong)}, but the host is {present.machine}")
         wanted.update({image.ref: image.id for image in images})
-        if missing := [image for image in images if present.images.get(image.ref) != image.id]:
-            bring[path] = missing
+    replaced = set[str]()
+    for path, images in chosen:
+        own = [image for image in images if image.id == wanted[image.ref]]
+        if missing := [one for one in own if one.ref in replaced or present.images.get(one.ref) != one.id]:
+            bring[path] = [*bring.get(path, ()), *missing]
+            replaced |= {image.ref for image in images} - {image.ref for image in own}
     refs = list(dict.fromkeys(normal_ref(name) for name in names))
     pull = [ref for ref in refs if ref not in present.images and ref not in wanted]
     return {**dict.fromkeys(refs, ""), **wanted}, bring, pull

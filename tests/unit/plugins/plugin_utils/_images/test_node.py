@@ -315,6 +315,24 @@ def test_only_the_named_images_count(tmp_path: Path) -> None:
         images_plan([{"path": path, "images": ["lab/apps:2.0"]}], [], present)
 
 
+def test_of_archives_that_hold_one_name_the_last_counts(tmp_path: Path) -> None:
+    new = b'{"architecture": "amd64"}'
+    archives = [{"path": docker(tmp_path / "all.tar", ["lab/apps:1.0", "lab/ros:noetic"])}]
+    archives += [{"path": docker(tmp_path / "apps.tar", ["lab/apps:1.0"], new)}]
+    node = Node()
+    assert [NodeImages(node).bring(archives, [])["changed"] for _run in range(2)] == [True, False]
+    assert node.images[APPS] == sha(new)
+    del node.images["docker.io/lab/ros:noetic"]  # with it comes the other image of the name
+    assert [NodeImages(node).bring(archives, []).get("failed") for _run in range(2)] == [None, None]
+    assert node.images[APPS] == sha(new)
+
+
+def test_one_archive_may_be_named_for_each_of_its_images(tmp_path: Path) -> None:
+    path = docker(tmp_path / "all.tar", ["lab/apps:1.0", "lab/ros:noetic"])
+    archives = [{"path": path, "images": [one]} for one in ("lab/apps:1.0", "lab/ros:noetic")]
+    assert [one.ref for one in images_plan(archives, [], Present("x86_64", {}))[1][path]] == [APPS, ROS]
+
+
 def test_an_archive_for_another_machine_is_refused(tmp_path: Path) -> None:
     path = docker(tmp_path / "d.tar", ["a:1"])
     with pytest.raises(SpecError, match="holds images for amd64, but the host is aarch64"):
