@@ -33,6 +33,7 @@ EXAMPLES = r"""
 
 import os
 import time
+from http.client import HTTPException
 from pathlib import Path
 
 from ansible.module_utils.basic import AnsibleModule
@@ -101,7 +102,7 @@ def k3s_download(module: AnsibleModule, arguments: Arguments) -> Facts:
             sums = open_url(arguments["sums"], timeout=ANSWER).read().decode()
             expected = k3s.listed_sum(sums, url.rpartition("/")[2], arguments["sums"])
         return {"changed": k3s.fetch(lambda at: open_url(at, timeout=ANSWER), url, place, expected)}
-    except (FleetError, OSError) as error:
+    except (FleetError, OSError, HTTPException, ValueError) as error:
         raise FleetError(k3s.without_secrets(f"{url} could not be downloaded: {error}")) from error
 
 

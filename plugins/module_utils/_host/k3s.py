@@ -195,9 +195,12 @@ class K3sHost(Host):
             return {}
 
     def version(self, binary: str = BINARY) -> str:
-        """Empty where there is none."""
+        """Empty where there is none, or none that can be run: another machine's, or what a cut has left of one."""
         path = self.path(binary)
-        return version_of(self.run([str(path), "--version"])[1]) if path.exists() else ""
+        try:
+            return version_of(self.run([str(path), "--version"], handle_exceptions=False)[1]) if path.exists() else ""
+        except OSError:
+            return ""
 
     def show(self, service: str) -> dict[str, str]:
         arguments = [argument for name in SHOWN for argument in ("-p", name)]
@@ -261,12 +264,15 @@ def listed_sum(text: str, name: str, where: str) -> str:
 
 def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str) -> bool:
     """Whether the file had to be brought. FleetError, and nothing there, where what came is not what was expected."""
-    if sha256(place) == expected:
+    if sha256(place) == expected and os.access(str(place), os.X_OK):
         return False
     part = place.with_name(f"{place.name}.part")
     try:
         with part.open("wb") as file:
-            shutil.copyfileobj(open_url(url), file, BLOCK)
+            answer = open_url(url)
+            shutil.copyfileobj(answer, file, BLOCK)
+        if left := getattr(answer, "length", 0):  # http.client takes the end of a connection for the file's
+            raise FleetError(f"it broke off, and {left} bytes are missing")
         came = sha256(part)
         if came != expected:
             raise FleetError(f"it has the SHA-256 {came}, expected is {expected}")

@@ -50,7 +50,9 @@ def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfi
     control node is. `unsure`: it would be changed, is up and has a cluster's data, but did not serve in this one look;
     `down`: it has such data and is not up.
     """
-    binary = now["files"][BINARY]["sha256"] != source.sha256 if source.sha256 else now["version"] != version
+    there = now["files"][BINARY]
+    right = there["sha256"] == source.sha256 if source.sha256 else now["version"] == version
+    binary = not (right and int(there["mode"] or "0", 8) & 0o100)  # a file that is only half put there may not run
     verdicts = {"token": now["tokens"]["server"], "agent-token": now["tokens"]["agent"]}
     # a host that has not joined takes all anew: those it has may be an earlier cluster's, or have ended
     joins = wanted.anew or (not wanted.init and (not now["data"] or now["lapsed"]))

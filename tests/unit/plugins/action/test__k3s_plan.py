@@ -145,7 +145,7 @@ def test_hardening_comes_and_goes_as_a_change_of_a_cluster_that_works(
     def there() -> dict[str, Any]:
         """As it is once the last plan was carried out."""
         written = {file.path: file for file in (*parts[-1].files, *parts[-1].beside) if file.content}
-        return {"files": dict.fromkeys([*planned.asked["files"], BINARY], GONE) | {
+        return {"files": dict.fromkeys(planned.asked["files"], GONE) | {BINARY: {**GONE, "mode": "0755"}} | {
             path: {"exists": True, "mode": file.mode, "sha256": hashlib.sha256(file.content.encode()).hexdigest()}
             for path, file in written.items()
         }}  # fmt: skip

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from http.client import IncompleteRead
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -66,8 +67,13 @@ def test_a_wait_for_k3s_ends_with_what_was_seen(
     assert verdict == PASS or found["msg"].endswith("k3s-agent):\nlevel=fatal")
 
 
-def download(monkeypatch: pytest.MonkeyPatch, place: Path, check: bool, **more: Any) -> Any:
-    monkeypatch.setattr(_host, "open_url", Mock(side_effect=OSError("no route to http://me:s3cret@proxy:3128")))
+NO_ROUTE = OSError("no route to http://me:s3cret@proxy:3128")
+
+
+def download(
+    monkeypatch: pytest.MonkeyPatch, place: Path, check: bool, error: Exception = NO_ROUTE, **more: Any
+) -> Any:
+    monkeypatch.setattr(_host, "open_url", Mock(side_effect=error))
     monkeypatch.setattr(_host.os, "environ", {})
     asked = {"url": "https://x/k3s", "dest": str(place), "sha256": "", "sums": "https://x/sums", "environment": {}}
     return _host.k3s_download(SimpleNamespace(check_mode=check), {**asked, **more})
@@ -81,9 +87,15 @@ def test_a_download_in_check_mode_asks_nobody(monkeypatch: pytest.MonkeyPatch, t
     assert download(monkeypatch, place, True)["changed"]  # nobody knows
 
 
-def test_a_download_that_fails_says_no_password(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    with pytest.raises(FleetError, match=r"^https://x/k3s could not be downloaded: no route to http://me:\*+@proxy"):
-        download(monkeypatch, tmp_path / "k3s", False)
+@pytest.mark.parametrize(("error", "told"), [
+    (NO_ROUTE, r"no route to http://me:\*+@proxy"), (ValueError("unknown url type: 'x'"), "unknown url type"),
+    (IncompleteRead(b"", 9), "IncompleteRead"),
+])  # fmt: skip
+def test_a_download_that_fails_is_told_without_a_password(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, error: Exception, told: str
+) -> None:
+    with pytest.raises(FleetError, match=f"^https://x/k3s could not be downloaded: {told}"):
+        download(monkeypatch, tmp_path / "k3s", False, error)
     assert not [*tmp_path.iterdir()]
 
 

@@ -76,6 +76,14 @@ def test_version() -> None:
     assert _k3s.version_of("not k3s") == ""
 
 
+def test_a_binary_that_does_not_run_has_no_version(tmp_path: Path) -> None:
+    """The module goes on, and the plan brings another one."""
+    (tmp_path / "k3s").write_text("")
+    run = Mock(side_effect=OSError(8, "Exec format error"))
+    assert K3sHost(run, str(tmp_path)).version("/k3s") == ""
+    run.assert_called_once_with([f"{tmp_path}/k3s", "--version"], handle_exceptions=False)
+
+
 class Commands:
     """Answers by the words of a command."""
 
@@ -189,11 +197,22 @@ def test_it_comes_whole_and_once(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
 
 
-def test_what_is_not_what_it_should_be_does_not_come(tmp_path: Path) -> None:
+def test_it_comes_again_where_it_cannot_be_run(tmp_path: Path) -> None:
+    place = tmp_path / "k3s"
+    place.write_bytes(BINARY)
+    assert fetch(Mock(return_value=io.BytesIO(BINARY)), "https://x/k3s", place, SUM)
+    assert place.stat().st_mode & 0o777 == 0o755
+
+
+@pytest.mark.parametrize(("answer", "told"), [
+    (io.BytesIO(b"something else"), f"expected is {SUM}"),
+    (Mock(read=io.BytesIO(BINARY[:9]).read, length=2991), "it broke off, and 2991 bytes are missing"),
+])  # fmt: skip
+def test_what_is_not_what_it_should_be_does_not_come(tmp_path: Path, answer: Any, told: str) -> None:
     place = tmp_path / "k3s"
     place.write_text("the one before")
-    with pytest.raises(FleetError, match=f"expected is {SUM}"):
-        fetch(lambda _url: io.BytesIO(b"something else"), "https://x/k3s", place, SUM)
+    with pytest.raises(FleetError, match=told):
+        fetch(lambda _url: answer, "https://x/k3s", place, SUM)
     assert place.read_text() == "the one before"
     assert [path.name for path in tmp_path.iterdir()] == ["k3s"]
 

@@ -98,6 +98,7 @@ def test_a_file_that_k3s_does_not_read_is_written_and_nothing_is_started_again()
         ({**STARTING, "ready": False}, {}, {"start": False, "wait": True, "kubeconfig": False}),
         ({"service__enabled": False}, {}, {"start": True, "state": "started"}),
         ({}, {"source": replace(SOURCE, sha256="newer")}, {"binary": True, "state": "restarted", "wait": True}),
+        ({"files__/usr/local/bin/k3s__mode": "0644"}, {}, {"binary": True}),
         ({}, {"source": replace(SOURCE, sha256="")}, {"binary": False, "any": False}),
         ({}, {"source": replace(SOURCE, sha256=""), "version": "v1.34.3+k3s1"}, {"binary": True, "state": "restarted"}),
         ({"tokens__server": "restore"}, {}, {"tokens": ["token"], "state": "restarted"}),
