@@ -22,8 +22,8 @@ from . import k3s
 from .k3s import K3sHost, Run
 
 UNITS = tuple(k3s.SERVICES.values())
-# the binary, the one before it, one that was to come
-BINARIES = (f"{k3s.BINARY}.next", f"{k3s.BINARY}.previous", k3s.BINARY)
+# the binary, the one before it, one that was to come, what a download that was cut off has left of one
+BINARIES = tuple(f"{k3s.BINARY}{kept}" for kept in (".next", ".next.part", ".part", ".previous", ""))
 LINKS = ("/usr/local/bin/kubectl", "/usr/local/bin/crictl", "/usr/local/bin/ctr")
 STORAGE = "storage"
 OURS = (
@@ -48,7 +48,7 @@ STOP_TIMEOUT = 30.0  # what a pod has to stop by itself if it says nothing
 END_TIMEOUT = 10.0
 # A pod's processes are children of a shim that serves k3s's own containerd; one of Docker has another socket.
 SHIM = re.compile(r"containerd-shim\S*\s.*-address\s+/run/k3s/containerd/")
-MOUNTS = re.compile(r"^(/run/k3s|/var/lib/rancher/k3s|/var/lib/kubelet|/run/netns/cni-)")
+MOUNTS = re.compile(r"^((/run/k3s|/var/lib/rancher/k3s|/var/lib/kubelet)/|/run/netns/cni-)")
 OPERATORS_MOUNTS = ("/var/lib/rancher/k3s", "/var/lib/rancher/k3s/storage", "/var/lib/kubelet", "/run/k3s")
 INTERFACES = ("cni0", "flannel.1", "flannel-wg", "flannel-wg-v6", "flannel-v6.1", "kube-ipvs0", "kube-bridge")
 CHAINS = re.compile(r"\b(KUBE-|CNI-|FLANNEL-|flannel|cni0|kube-router)")
@@ -227,24 +227,24 @@ class Remover(K3sHost):
         return found
 
     def removable(self, name: str) -> bool:
-        """Whether it is there; a mount point of the operator's counts only with something in it."""
-        path = self.path(name)
-        return any(path.iterdir()) if self.kept_by_operator(name) else os.path.lexists(str(path))
+        """Whether it is there; a place of the operator's counts only with something in it."""
+        return bool(self.names(name)) if self.kept_by_operator(name) else self.exists(name)
 
     def data_paths(self, volumes: bool) -> list[str]:
-        """The data directory piece by piece if the volumes stay, so that theirs is never touched."""
+        """The data directory piece by piece if the volumes' place stays, so that what stays is never touched."""
         names = self.names(k3s.DATA_DIR)
-        if not volumes and STORAGE in names:
-            return [f"{k3s.DATA_DIR}/{name}" for name in names if name != STORAGE]
+        if STORAGE in names and (not volumes or self.kept_by_operator(f"{k3s.DATA_DIR}/{STORAGE}")):
+            places = [f"{k3s.DATA_DIR}/{name}" for name in names if volumes or name != STORAGE]
+            return [place for place in places if self.removable(place)]
         return [k3s.DATA_DIR] if self.removable(k3s.DATA_DIR) else []
 
     def kept_by_operator(self, name: str) -> bool:
-        """Whether it is a mount point of the operator's: emptied, not deleted."""
-        return name in OPERATORS_MOUNTS and self.path(name).is_mount()
+        """Whether it is a mount point of the operator's, or his link to another disk: emptied, not deleted."""
+        return name in OPERATORS_MOUNTS and (self.path(name).is_mount() or self.path(name).is_symlink())
 
     def delete(self, name: str) -> None:
-        path = self.path(name)
-        if path.is_symlink() or not path.is_dir():
+        path, kept = self.path(name), self.kept_by_operator(name)
+        if not kept and (path.is_symlink() or not path.is_dir()):
             path.unlink()
             return
         # what is still mounted below, deleting would reach through, into data that is elsewhere
@@ -252,7 +252,7 @@ class Remover(K3sHost):
         below = [point for point in points if point.startswith(f"{name}/") and point not in OPERATORS_MOUNTS]
         if below:
             raise FleetError(f"{', '.join(below)} is still mounted below {name}")
-        if self.kept_by_operator(name):
+        if kept:
             for entry in path.iterdir():
                 self.delete(f"{name}/{entry.name}")
             return

@@ -17,6 +17,7 @@ DOCKERS = "/usr/bin/containerd-shim-runc-v2 -namespace moby -id 9f -address /run
 MOUNTS = """/dev/sda1 / ext4 rw 0 0
 /dev/sdb1 /var/lib/rancher ext4 rw 0 0
 /dev/sdc1 /var/lib/rancher/k3s/storage ext4 rw 0 0
+/dev/sdd1 /var/lib/rancher/k3s-backup ext4 rw 0 0
 tmpfs /var/lib/kubelet/pods/1/volumes/kubernetes.io~projected/token tmpfs rw 0 0
 overlay /run/k3s/containerd/io.containerd.runtime.v2.task/k8s.io/1a/rootfs overlay rw 0 0
 shm /run/k3s/containerd/io.containerd.grpc.v1.cri/sandboxes/1a/shm tmpfs rw 0 0
@@ -149,6 +150,23 @@ def test_removal_of_everything(host: Path) -> None:
     subject.everything(volumes=True, identity=True)
     assert not (host / "var/lib/rancher/k3s").exists()
     assert not (host / "etc/rancher/node").exists()
+
+
+@pytest.mark.parametrize("place", ["var/lib/rancher/k3s/storage", "var/lib/rancher/k3s"])
+@pytest.mark.parametrize("link", [False, True])
+def test_a_place_of_the_operators_is_emptied_and_stays(
+    host: Path, monkeypatch: pytest.MonkeyPatch, place: str, link: bool
+) -> None:
+    """A disk is mounted there, or a link leads to one."""
+    disk = host / place
+    if link:
+        disk = (host / place).rename(host / "disk")
+        (host / place).symlink_to(disk)
+    monkeypatch.setattr(Path, "is_mount", lambda path: not link and path == host / place)
+    planned = remover(host, dry=True)[0].everything(volumes=True, identity=True)
+    assert remover(host)[0].everything(volumes=True, identity=True) == planned
+    assert ((host / place).is_symlink(), [*disk.iterdir()]) == (link, [])
+    assert remover(host)[0].everything(volumes=True, identity=True)["paths"] == []
 
 
 def test_check_mode_lists_the_same_and_touches_nothing(host: Path) -> None:
