@@ -218,6 +218,7 @@ class K3sChange(K3sHost):
     def _start(self) -> None:
         """Start it again. Returns when the process before is gone, which would still answer for the new one."""
         self.must("systemctl", "daemon-reload")
+        self.must("systemctl", "enable", self.service)  # somebody may have taken it out of the boot
         before = self.invocation()
         self.must("systemctl", "restart", "--no-block", self.service)
 

@@ -92,7 +92,8 @@ def test_what_is_staged_comes_and_what_was_there_is_kept(machine: Machine) -> No
     assert found == machine.change.record()
     assert found.version == OLD[BINARY]
     assert found.unproven
-    assert machine.asked[-2:] == [["systemctl", "daemon-reload"], ["systemctl", "restart", "--no-block", "k3s"]]
+    start = [["daemon-reload"], ["enable", "k3s"], ["restart", "--no-block", "k3s"]]
+    assert machine.asked[-3:] == [["systemctl", *words] for words in start]
     assert not list(machine.root.rglob("*.next"))
 
 
@@ -332,6 +333,7 @@ def test_certificates_are_made_anew_while_k3s_stands_still(certified: Machine) -
         ["systemctl", "stop", "k3s-agent"],
         ["k3s", "certificate", "rotate"],
         ["systemctl", "daemon-reload"],
+        ["systemctl", "enable", "k3s-agent"],
         ["systemctl", "restart", "--no-block", "k3s-agent"],
     ]
     assert certified.change.renewed()
