@@ -141,7 +141,7 @@ class ActionModule(HostAction):
     def _change(self, params: Arguments, variables: Variables, known: Variables, before: Result) -> RobotOutcome:
         plan = params["plan"]
         rotate = functools.partial(rotate_token, self, known, variables["k3s_server_hosts"])
-        exchange = K3sExchange(RobotHost(self, known), plan, variables, rotate)
+        exchange = K3sExchange(RobotHost(self, known, bool(self._task.check_mode)), plan, variables, rotate)
         settings = self.settings(variables, variables["k3s_start_timeout"], exchange.name, before)
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")

@@ -126,7 +126,8 @@ def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
             record = change.record()
     return {
         "changed": changed,
-        "staged": change.version(k3s.BINARY + NEXT),
+        # in check mode it is what a run before has left, and may be another one than what comes
+        "staged": "" if module.check_mode else change.version(k3s.BINARY + NEXT),
         "version": record.version,
         "unproven": record.unproven,
         "start": change.invocation(),
