@@ -305,11 +305,12 @@ def source(variables: Variables, machine: str) -> Artifacts:
 
 def _airgap(directory: str, machine: str) -> Artifacts:
     """What the directory has for a machine by its SHA256SUMS; of several packings of the images the smallest."""
-    base, known = Path(directory).expanduser(), MACHINES[machine]
+    # from the current directory on, as it is looked at here: Ansible's copy has other places for a relative path
+    base, known = Path(directory).expanduser().absolute(), MACHINES[machine]
     binary = f"k3s{known.suffix}"
     archives = [f"k3s-airgap-images-{known.architecture}{ending}" for ending in ARCHIVE_ENDINGS]
     try:
-        sums = _sums((base / "SHA256SUMS").read_text(encoding="utf-8"))
+        sums = _sums((base / "SHA256SUMS").read_text("utf-8", "replace"))
         if binary not in sums:
             raise SpecError(f"SHA256SUMS has no line for {binary}, which hosts of {machine} need")
         (base / binary).stat()

@@ -265,23 +265,26 @@ MANIFEST = f"""{SUM}  k3s
 
 def airgap(directory: Path, manifest: str = MANIFEST) -> dict[str, Any]:
     """The variables for a directory with what the manifest names."""
-    (directory / "SHA256SUMS").write_text(manifest)
+    (directory / "SHA256SUMS").write_bytes(manifest.encode("utf-8", "surrogateescape"))
     for name in ("k3s", "k3s-arm64", "k3s-airgap-images-amd64.tar.zst"):
         (directory / name).write_text("abc")
     return {"k3s_install_source": "airgap", "k3s_airgap_dir": str(directory)}
 
 
-def test_what_a_directory_has_for_a_machine(tmp_path: Path) -> None:
+def test_what_a_directory_has_for_a_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found, path = source(airgap(tmp_path), "x86_64"), str(tmp_path / "k3s-airgap-images-amd64.tar.zst")
     on_the_host = f"k3s-airgap-images-amd64-{'d' * 12}.tar.zst"  # with its digest; of several packings the smallest
     assert found == Artifacts(SUM, str(tmp_path / "k3s"), "", "", on_the_host, path, "d" * 64, 3)
-    assert source(airgap(tmp_path), "aarch64") == Artifacts(SUM, str(tmp_path / "k3s-arm64"))
+    monkeypatch.chdir(tmp_path.parent)
+    relative = {**airgap(tmp_path), "k3s_airgap_dir": tmp_path.name}
+    assert source(relative, "aarch64") == Artifacts(SUM, str(tmp_path / "k3s-arm64"))
 
 
 @pytest.mark.parametrize(
     ("manifest", "gone", "message"),
     [
         ("<html>404</html>\n", "", "line 1, is no line of sha256sum"),
+        ("\udcff\udcfe3\0", "", "line 1, is no line of sha256sum"),  # as PowerShell writes it
         ("", "", "no line for k3s, which hosts of x86_64 need"),
         (MANIFEST, "SHA256SUMS", "SHA256SUMS cannot be read: No such file"),
         (MANIFEST, "k3s", "k3s cannot be read: No such file"),
