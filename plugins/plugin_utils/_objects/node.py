@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 
+from ...module_utils._common.documents import json_of
 from ...module_utils._step.objects import Object
 from .._model import names
 from .common import made
@@ -30,8 +31,12 @@ def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     """
     wanted = [{key: value for key, value in taint.items() if value not in ("", None)} for taint in taints]
     there = list((node.get("spec") or {}).get("taints") or [])
-    recorded = json.loads((node["metadata"].get("annotations") or {}).get(TAINTS_ANNOTATION) or "[]")
-    ours, same = [*map(_whole, recorded)], [*map(_whole, wanted)]
+    same = [*map(_whole, wanted)]
+    try:
+        recorded = json_of((node["metadata"].get("annotations") or {}).get(TAINTS_ANNOTATION) or "[]")
+        ours = [*map(_whole, recorded)]
+    except (ValueError, TypeError, LookupError):  # a node's own kubelet may write there what it likes
+        recorded, ours = None, []
     others = {*map(_whole, there)} - {*ours}
     free = {one for one in others if one[::2] not in [place[::2] for place in same]}  # by key and effect
     kept = [taint for taint in there if _whole(taint) in {*same, *free}]

@@ -62,6 +62,15 @@ def test_changes(before: Any, wanted: Any, after: Any) -> None:
     assert found == after
 
 
+@pytest.mark.parametrize("written", ["[", "7", '["ours"]', '[{"key": "ours"}]'])
+def test_what_is_no_record_of_taints_is_written_anew(written: str) -> None:
+    before = node([THEIRS])
+    before["metadata"]["annotations"]["rosops.fleet/taints"] = written
+    found: Any = taints_patch(before, [OURS])
+    assert found["spec"]["taints"] == [THEIRS, OURS]
+    assert json.loads(found["metadata"]["annotations"]["rosops.fleet/taints"]) == [OURS]
+
+
 ENDS = {"key": "ours", "value": "a", "effect": "NoExecute"}
 
 
