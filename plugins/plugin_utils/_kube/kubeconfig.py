@@ -86,7 +86,7 @@ def is_foreign(path: str) -> bool:
 def first_line(path: str) -> str:
     """Empty where there is no such file."""
     try:
-        with Path(path).open(encoding="utf-8") as file:
+        with Path(path).open(encoding="utf-8", errors="replace") as file:
             return file.readline().rstrip("\n")
     except OSError:
         return ""
@@ -96,14 +96,17 @@ def keep(path: str, text: str, check: bool = False) -> bool:
     """Write the file for its owner only, all at once, in a directory that is made likewise; whether that changes it."""
     place = Path(path)
     try:
-        if place.is_file() and place.read_text("utf-8") == text and place.stat().st_mode & 0o777 == 0o600:
+        if place.is_file() and place.read_bytes() == text.encode() and place.stat().st_mode & 0o777 == 0o600:
             return False
         if not check:
             place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")  # mode 0600
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            Path(temporary).replace(place)
+            try:
+                with os.fdopen(handle, "w", encoding="utf-8") as file:
+                    file.write(text)
+                Path(temporary).replace(place)
+            finally:  # a full disk, say: nobody would look for it there
+                Path(temporary).unlink(missing_ok=True)
     except OSError as error:
         raise SpecError(f"the kubeconfig {path} cannot be written on the control node: {error.strerror}") from error
     return True

@@ -135,9 +135,15 @@ def test_it_is_kept_for_its_owner_only_and_written_once(tmp_path: Path) -> None:
     assert is_foreign(str(path)) and not is_foreign(str(tmp_path / "none"))
     path.chmod(0o644)
     assert keep(str(path), "# head\na: 1\n")
+    path.write_bytes(b"# \xe9\n")  # somebody's, of another encoding
+    assert is_foreign(str(path)) and keep(str(path), "# head\na: 1\n")
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SpecError, match=r"file/edge.yaml cannot be written on the control node: "):
         keep(str(tmp_path / "file" / "edge.yaml"), "a: 1\n")
+    (tmp_path / "edge.yaml").mkdir()
+    with pytest.raises(SpecError, match=r"edge.yaml cannot be written"):
+        keep(str(tmp_path / "edge.yaml"), "a: 1\n")
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["edge.yaml", "file"]
