@@ -82,11 +82,12 @@ def cgroup(host: Host) -> Facts:
 
 
 def disk(host: Host, directory: str) -> Facts:
-    """The file system that holds `directory`, or will hold it once it is made."""
+    """The file system that holds `directory`, or will hold it once it is made, wherever a link leads."""
     place = Path(directory)
     while not host.exists(str(place)) and place != place.parent:
         place = place.parent
-    numbers = os.statvfs(str(host.path(str(place))))
+    there = host.path(str(place)).resolve(strict=True)
+    numbers = os.statvfs(str(there))
     block = numbers.f_frsize / 1048576
     return {
         "path": directory,
@@ -94,7 +95,7 @@ def disk(host: Host, directory: str) -> Facts:
         "free_mb": int(numbers.f_bavail * block),
         # btrfs and others count no inodes and say 0 of 0
         "free_inodes": numbers.f_favail if numbers.f_files else None,
-        "type": filesystem_type(host.read("/proc/self/mounts"), str(place)),
+        "type": filesystem_type(host.read("/proc/self/mounts"), str("/" / there.relative_to(host.root.resolve()))),
     }
 
 

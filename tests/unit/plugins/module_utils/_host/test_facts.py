@@ -108,6 +108,13 @@ def test_the_disk_of_a_directory_that_is_not_there_yet(tmp_path: Path) -> None:
     assert found["total_mb"] > 0
 
 
+def test_the_disk_to_which_a_link_leads(tmp_path: Path) -> None:
+    host = tree(tmp_path, {"/proc/self/mounts": f"{MOUNTS}/dev/sdd1 /data ext4 rw 0 0\n", "/data/x": ""})
+    (tmp_path / "var/lib").mkdir(parents=True)
+    (tmp_path / "var/lib/rancher").symlink_to("../../data")
+    assert _host_facts.disk(host, "/var/lib/rancher")["type"] == "ext4"
+
+
 def test_listeners_are_named_and_other_sockets_left_out(tmp_path: Path) -> None:
     host = tree(
         tmp_path, {"/proc/net/tcp": TCP, "/proc/net/udp": UDP, "/proc/77/comm": "exe\n", "/proc/77/cgroup": CGROUP}
