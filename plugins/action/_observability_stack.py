@@ -10,12 +10,13 @@ import secrets
 from typing import ClassVar
 
 from ..module_utils._common.documents import Arguments, Result, Variables
-from ..module_utils._step.objects import Object
+from ..module_utils._step.objects import Object, labels_of
 from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ..plugin_utils._kube.cache import Ref, parse_refs
 from ..plugin_utils._kube.client import Kube, ref_of
 from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ..plugin_utils._model.fleet import Fleet
+from ..plugin_utils._model.names import MANAGER
 from ..plugin_utils._observability import stack
 from ..plugin_utils._observability.files import Files, stack_files
 from ..plugin_utils._observability.spec import NAMESPACE, Spec, images, runs, spec_of, tls_secrets
@@ -43,7 +44,10 @@ class ActionModule(ClusterAction):
             objects = stack.stack_objects(spec, files, admin["version"])
             namespace, *rest = objects
             done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
-            done += kube.delete([ref_of(one) for one in stack.leftovers(spec, objects)], check)
+            left = map(ref_of, stack.leftovers(spec, objects))
+            # a Grafana of somebody else's may have the same name
+            ours = [ref for ref in left if labels_of(kube.get(ref)).get("app.kubernetes.io/managed-by") == MANAGER]
+            done += kube.delete(ours, check)
             if not check:  # it made nothing that could be waited for
                 self._wait(kube, objects, WaitOptions(spec["ready_timeout"], say=self.say(known)))
         return written(done)

@@ -84,6 +84,14 @@ def test_a_part_that_is_switched_off_is_taken_away_but_not_its_claim(server: Ser
     assert server.find(f"{CLAIMS}/loki")
 
 
+def test_what_somebody_else_runs_there_under_the_same_name_stays(server: Server, stack: Task) -> None:
+    deployment = "/apis/apps/v1/namespaces/observability/deployments/grafana"
+    labels = {"app.kubernetes.io/managed-by": "Helm"}
+    server.put(deployment, {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"labels": labels}})
+    stack(observability={"grafana": {"enabled": False}})
+    assert server.find(deployment)
+
+
 def test_certificates_have_to_be_there_and_another_one_restarts_who_reads_it_once(server: Server, stack: Task) -> None:
     named = {"observability_tls_secret_name": "telemetry-tls"}
     result = stack(**named)
