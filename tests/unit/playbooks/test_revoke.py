@@ -38,9 +38,9 @@ def revoke(control: Control, *arguments: str, **said: str) -> Run:
 
 
 def test_a_robot_is_named_and_not_asked(stolen: Control, server: Server) -> None:
-    unnamed = revoke(stolen)
-    assert unnamed.status == 2
-    assert "Name one robot of the inventory: -e robot=robot2" in unnamed.output
+    for unnamed in (revoke(stolen), Run(stolen, "edge1", playbook="revoke", robot="robot2")):
+        assert unnamed.status == 2
+        assert "Name one robot of the inventory, and none that --limit leaves out: -e robot=robot2" in unnamed.output
     assert not stolen.asked
     looked = revoke(stolen, "--check", robot="robot2")
     assert looked.status == 0
