@@ -250,7 +250,8 @@ class K3sHost(Host):
 
 def proxies(environment: Mapping[str, object]) -> dict[str, str]:
     """What of a unit's environment concerns a download, in both spellings that programs read."""
-    found = {str(name): str(value) for name, value in environment.items() if PROXY.fullmatch(str(name))}
+    given = ((str(name), str(value)) for name, value in environment.items() if value is not None)
+    found = {name: value for name, value in given if PROXY.fullmatch(name)}
     return {spelled: value for name, value in found.items() for spelled in (name.lower(), name.upper())}
 
 

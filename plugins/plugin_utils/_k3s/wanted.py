@@ -8,7 +8,6 @@ server of the cluster or the inventory.
 from __future__ import annotations
 
 import base64
-import json
 import re
 import secrets
 from collections.abc import Iterable, Mapping, Sequence
@@ -191,9 +190,8 @@ def wanted(
     read = [file.path for file in hardening if file.content]
     started_with = (config_file, unit, registries, environment, *read, *token_files, BINARY)
     secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
-    # systemd reads a value as C does, which JSON's quotes are
     given = sorted(variables["k3s_environment"].items(), key=lambda one: one[0].lower())
-    variables_text = "".join(f"{name}={json.dumps(str(value))}\n" for name, value in given)
+    variables_text = "".join(f"{name}={_quoted(str(value))}\n" for name, value in given if value is not None)
     files = (
         HostFile(config_file, _yaml(config), "0600", secret),
         HostFile(unit, unit_text(role, started_with, variables), "0644", False),
@@ -241,6 +239,11 @@ def _hardened(config: Mapping[str, object], role: str) -> dict[str, object]:
         if own is not None:
             hardened[key] = [*arguments, *(own if isinstance(own, list) else [own])]
     return hardened
+
+
+def _quoted(value: str) -> str:
+    """As systemd reads it in a file of variables: all but these two stands for itself."""
+    return '"{}"'.format(re.sub(r'(["\\])', r"\\\1", value))
 
 
 def _yaml(value: Mapping[str, object]) -> str:

@@ -226,7 +226,7 @@ def test_a_list_of_sums() -> None:
 
 def test_proxies_out_of_the_units_environment() -> None:
     proxy = "http://me:s3cret@proxy:3128"
-    found = proxies({"HTTPS_PROXY": proxy, "no_proxy": "10.0.0.0/8", "K3S_DEBUG": True})
+    found = proxies({"HTTPS_PROXY": proxy, "no_proxy": "10.0.0.0/8", "K3S_DEBUG": True, "ALL_PROXY": None})
     assert found == {
         "https_proxy": proxy, "HTTPS_PROXY": proxy, "no_proxy": "10.0.0.0/8", "NO_PROXY": "10.0.0.0/8",
     }  # fmt: skip

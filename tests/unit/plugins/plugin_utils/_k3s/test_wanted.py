@@ -211,8 +211,8 @@ def test_the_weight_of_k3s(host: str, given: dict[str, str], limits: list[str]) 
 
 
 def test_the_environment_is_sorted_and_quoted_and_secret() -> None:
-    file = part("robot1", k3s_environment={"b": 'q"', "A": 1, "C": True}).files[3]
-    assert file.content.splitlines()[1:] == ['A="1"', 'b="q\\""', 'C="True"']
+    file = part("robot1", k3s_environment={"b": 'é"\\n', "A": 1, "C": True, "HTTP_PROXY": None}).files[3]
+    assert file.content.splitlines()[1:] == ['A="1"', 'b="é\\"\\\\n"', 'C="True"']
     assert file.secret
 
 
