@@ -6,7 +6,6 @@ The result holds no secret: the actions that write files and tokens work those o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import ClassVar
 
@@ -38,7 +37,7 @@ class ActionModule(FleetAction):
         variables = self.variables(known, "k3s") | self.variables(known, "update", *OF_EVERY_CHANGE)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
-        servers = [] if part.init else _addresses(variables, known["hostvars"])
+        servers = [] if part.init else [*_others(variables, known).values()]
         files = [*part.started_with, *(file.path for file in part.files if file.path not in part.started_with)]
         beside = [file.path for file in part.beside]
         asked = {"role": variables["k3s_role"], "files": files, "beside": beside, "servers": servers}
@@ -112,15 +111,16 @@ class ActionModule(FleetAction):
         return False  # it joins none of them either, then
 
 
-def _addresses(variables: Variables, hostvars: Mapping[str, Variables]) -> list[str]:
-    return [f"{address(server, hostvars)}:{API_PORT}" for server in variables["k3s_server_hosts"]]
+def _others(variables: Variables, known: Variables) -> dict[str, str]:
+    """The cluster's servers but the host itself, with their addresses: nobody joins himself."""
+    servers = (server for server in variables["k3s_server_hosts"] if server != known["inventory_hostname"])
+    return {server: f"{address(server, known['hostvars'])}:{API_PORT}" for server in servers}
 
 
 def _givers(now: Result, variables: Variables, known: Variables) -> list[str]:
     """Servers that a new member may ask: those that answer, else the first one."""
-    servers, places = variables["k3s_server_hosts"], _addresses(variables, known["hostvars"])
-    answering = [server for server, place in zip(servers, places, strict=True) if place in now["answering"]]
-    return answering or [server for server in servers if server != known["inventory_hostname"]][:1]
+    others = _others(variables, known)
+    return [server for server, place in others.items() if place in now["answering"]] or [*others][:1]
 
 
 def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> Result:

@@ -94,6 +94,8 @@ def test_a_new_member_asks_the_servers_that_live(planned: Planned) -> None:
     assert planned.asked["servers"] == ["10.0.0.1:6443", "edge2:6443", "edge3:6443"]
     assert (found["givers"], found["joins"]) == (["edge2", "edge3"], "https://edge2:6443")
     assert (found["tokens"], found["join"]) == (["agent-token"], [])  # its own is made for it
+    planned("edge2", {})
+    assert planned.asked["servers"] == ["10.0.0.1:6443", "edge3:6443"]  # and not itself
     # where none answers the first is named
     assert [planned(host, {})["givers"] for host in ("robot1", "edge2")] == [["edge1"], ["edge1"]]
 
