@@ -24,6 +24,7 @@ from ..plugin_utils._kube.kubeconfig import first_line, is_foreign, kubeconfig_h
 from ..plugin_utils._model.topology import address
 from ..plugin_utils._upstream import ansible_core
 
+EXTERNAL = "datastore-endpoint"
 # on a server that is still to come, as in check mode, it will be so
 ENCRYPTS = f"if test ! -e {DATABASE} || test -e {ENCRYPTION}; then echo yes; else echo no; fi"
 
@@ -41,6 +42,7 @@ class ActionModule(FleetAction):
         files = [*part.started_with, *(file.path for file in part.files if file.path not in part.started_with)]
         beside = [file.path for file in part.beside]
         asked = {"role": variables["k3s_role"], "files": files, "beside": beside, "servers": servers}
+        asked["external"] = EXTERNAL in variables["k3s_config"]
         # an agent has one of its own, which the inventory does not know
         for_agents = variables["k3s_agent_token"] if variables["k3s_role"] == "server" else ""
         tokens = {"token": variables["k3s_token"], "agent_token": for_agents}
@@ -100,7 +102,7 @@ class ActionModule(FleetAction):
     def _encrypts(self, now: Result, part: Wanted, variables: Variables, known: Variables) -> bool:
         """Whether k3s is to encrypt Secrets: a new cluster does, an old one as it did, on all its servers."""
         # whether an external datastore is new nobody knows here
-        if now["data"] or variables["k3s_role"] == "agent" or "datastore-endpoint" in variables["k3s_config"]:
+        if now["data"] or variables["k3s_role"] == "agent" or EXTERNAL in variables["k3s_config"]:
             return bool(now["encrypts"])
         if part.init:
             return True

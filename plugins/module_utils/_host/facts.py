@@ -251,11 +251,12 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     `token` and `agent_token` as the inventory gives them (empty: keep those that are there), and the `servers` as
     address:port.
 
-    `stale`: k3s was started with other files. `data`: there is a datastore (server) or a node's certificate (agent); a
-    host without it says which servers are `answering`. `lapsed`: the node's certificate is of no more use to it.
-    `encrypts`: Secrets in the datastore are. `cgroup_refused`: k3s 1.35 and newer does not start here. `tokens` are
-    verdicts alone, and `change` is the last exchange, `renewed` where it has made the certificates anew and nobody has
-    proven it. The token for agents may become another one, which k3s itself has written down only after its next start.
+    `stale`: k3s was started with other files. `data`: there is a datastore (server; of one that is `external`, what k3s
+    wrote once it ran) or a node's certificate (agent); a host without it says which servers are `answering`. `lapsed`:
+    the node's certificate is of no more use to it. `encrypts`: Secrets in the datastore are. `cgroup_refused`: k3s 1.35
+    and newer does not start here. `tokens` are verdicts alone, and `change` is the last exchange, `renewed` where it
+    has made the certificates anew and nobody has proven it. The token for agents may become another one, which k3s
+    itself has written down only after its next start.
     """
     role, files, servers = asked["role"], asked["files"], asked["servers"]
     service, other = k3s.SERVICES[role], k3s.SERVICES["agent" if role == "server" else "server"]
@@ -265,6 +266,7 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     last, there = K3sChange(host.run, role, str(host.root)), k3s_leftovers(host)
     change = last.record()
     data = there["server_data" if role == "server" else "agent_data"]
+    data = data or (asked["external"] and role == "server" and host.exists(f"{k3s.DATA_DIR}/server/token"))
     knocks = [] if data else reach(servers, KNOCK)
     places = k3s.CONFIG_DIR, f"{k3s.DATA_DIR}/server"
     kept, known = ([host.read(f"{place}/{name}") for name in TOKENS] for place in places)

@@ -125,6 +125,7 @@ def test_a_new_cluster_encrypts_and_one_that_is_there_does_as_it_did(planned: Pl
     assert planned("edge1", {**UP, "ready": True, "encrypts": True})["encrypts"] is True
     # nobody knows here whether that is new
     assert planned("edge1", {}, k3s_config={"datastore-endpoint": "postgres://x"})["encrypts"] is False
+    assert planned.asked["external"] is True
     assert planned("robot1", {})["encrypts"] is False
     assert not planned.servers_asked
 

@@ -209,7 +209,9 @@ def test_modules(tmp_path: Path) -> None:
 
 # ---- what k3s is there
 
-AGENT = {"role": "agent", "files": [], "beside": [], "token": "", "agent_token": "", "servers": []}
+AGENT = {
+    "role": "agent", "files": [], "beside": [], "token": "", "agent_token": "", "servers": [], "external": False,
+}  # fmt: skip
 
 
 def test_a_file_that_k3s_does_not_read_is_looked_at_and_makes_no_start_due(tmp_path: Path) -> None:
@@ -230,6 +232,18 @@ def test_which_datastore_a_server_has_and_whether_it_encrypts(
     tree(tmp_path, {f"/var/lib/rancher/k3s/server/{path}": ""})
     found = _host_facts.k3s_facts(K3sHost(lambda _argv: (0, "", ""), str(tmp_path)), {**AGENT, "role": role})
     assert {key for key in ("data", "etcd", "encrypts") if found[key]} == said
+
+
+@pytest.mark.parametrize(("role", "external", "data"), [
+    ("server", True, True), ("server", False, False), ("agent", True, False),
+])  # fmt: skip
+def test_a_server_whose_datastore_is_elsewhere_has_joined_once_k3s_ran(
+    tmp_path: Path, role: str, external: bool, data: bool
+) -> None:
+    host, asked = K3sHost(lambda _argv: (0, "", ""), str(tmp_path)), {**AGENT, "role": role, "external": external}
+    assert not _host_facts.k3s_facts(host, asked)["data"]
+    tree(tmp_path, {"/var/lib/rancher/k3s/server/token": "K10"})
+    assert bool(_host_facts.k3s_facts(host, asked)["data"]) is data
 
 
 @pytest.mark.parametrize(("state", "restarts", "ready"), [
