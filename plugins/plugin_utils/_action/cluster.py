@@ -131,8 +131,9 @@ class ClusterAction(FleetAction):
         Ansible's own executor does it: whatever an inventory says about connections, keys and privileges holds. Neither
         the output nor a failure is shown, at no verbosity.
         """
-        command = {"ansible.builtin.raw": f"echo {BEGIN}; cat {KUBECONFIG}; echo {END}", "delegate_to": server}
-        task = {**command, "become": True, "no_log": True, "check_mode": False}
+        # that there is none is told by words, which in a locale of its own are others
+        command = {"ansible.builtin.raw": f"echo {BEGIN}; env LC_ALL=C cat {KUBECONFIG}; echo {END}"}
+        task = {**command, "delegate_to": server, "become": True, "no_log": True, "check_mode": False}
         found = ansible_core.run_task(self, known, task)
         said = f"{found.get('stdout') or ''}{found.get('stderr') or ''}"
         if found.get("unreachable"):

@@ -80,7 +80,7 @@ def serve(monkeypatch: pytest.MonkeyPatch, answer: Callable[[str], dict[str, Any
     servers: list[str] = []
 
     def run_task(_plugin: Any, _known: Any, task: dict[str, Any]) -> dict[str, Any]:
-        command = "echo rosops-fleet-begin; cat /etc/rancher/k3s/k3s.yaml; echo rosops-fleet-end"
+        command = "echo rosops-fleet-begin; env LC_ALL=C cat /etc/rancher/k3s/k3s.yaml; echo rosops-fleet-end"
         assert task == {**task, "ansible.builtin.raw": command, "become": True, "no_log": True, "check_mode": False}
         servers.append(task["delegate_to"])
         return answer(servers[-1])
