@@ -115,8 +115,8 @@ def _secret_names(item: Any) -> Iterator[str]:
         if key == "secretName":
             yield str(value)
         elif key == "imagePullSecrets":
-            yield from (str(one["name"]) for one in value)
-        elif key in NAMING and "name" in value:
+            yield from (str(one["name"]) for one in value if one.get("name"))
+        elif key in NAMING and isinstance(value, Mapping) and "name" in value:
             yield str(value["name"])
         else:
             yield from _secret_names(value)

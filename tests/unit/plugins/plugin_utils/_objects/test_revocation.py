@@ -59,8 +59,9 @@ def test_what_is_left_is_named_and_not_shown_and_secrets_are_found_wherever_a_po
         "env": [{"name": "KEY", "valueFrom": {"secretKeyRef": {"name": "variable", "key": "k"}}}],
         "envFrom": [{"secretRef": {"name": "all"}}],
     }
-    pod = {"volumes": volumes, "containers": [container], "imagePullSecrets": [{"name": "pull"}]}
-    shipper = {"metadata": {"namespace": "observability"}, "spec": {"template": {"spec": pod}}}
+    pod = {"volumes": volumes, "containers": [container], "imagePullSecrets": [{"name": "pull"}, {}]}
+    labels = {"secret": "by-name", "secretRef": None}  # somebody else's words
+    shipper = {"metadata": {"namespace": "observability", "labels": labels}, "spec": {"template": {"spec": pod}}}
     held = {"metadata": {"namespace": "robot-robot1", "name": "held"}}
     left = left_to_user(robot(pull_secrets=[{"name": "registry"}]), variables, [held], [shipper])
     assert left[:9] == [
