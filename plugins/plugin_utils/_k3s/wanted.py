@@ -208,7 +208,7 @@ def wanted(
 
 def enrolled(variables: Variables, host: str) -> bool:
     """Whether somebody named it as one that is to join anew."""
-    return host in variables["k3s_enrol"].split(",")
+    return host in map(str.strip, variables["k3s_enrol"].split(","))
 
 
 def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:
