@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from ...module_utils._common.documents import Result, Variables
 from ...module_utils._common.poll import WAIT
-from ...module_utils._host.k3s import BINARY, CONFIG_DIR
+from ...module_utils._host.k3s import BINARY, CONFIG_DIR, DATA_DIR
 from .._model.machines import CGROUP_V2_FROM, MACHINES
 from .._model.machines import version as parsed
 from .wanted import Artifacts, HostFile, Wanted
@@ -127,6 +127,9 @@ def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
         yield f"It is a k3s {other} and is to become a {role}. Run reset.yml for this host first."
     if (host in servers) != (role == "server"):
         yield f"k3s_role is {role}, but k3s_server_hosts is {', '.join(servers)}."
+    # each run would take the host for a new one, and start it again without asking who works there
+    if variables["k3s_config"].get("data-dir") not in (None, DATA_DIR):
+        yield f"k3s_config has a data-dir. Leave it out, and mount the disk at {DATA_DIR}, or make that a link to it."
     if variables["k3s_install_source"] == "airgap" and not variables["k3s_airgap_dir"]:
         yield "The install source airgap needs k3s_airgap_dir."
     # what an airgap directory holds is known when it is on the host

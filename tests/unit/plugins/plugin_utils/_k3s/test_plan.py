@@ -151,7 +151,7 @@ def test_archives_of_other_versions_are_old() -> None:
 SOUND: dict[str, Any] = {**NOW, "machine": "x86_64", "other_service": False, "cgroup_refused": False}
 VARIABLES: dict[str, Any] = {
     "k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"], "k3s_install_source": "release",
-    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "", "k3s_token": "",
+    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "", "k3s_token": "", "k3s_config": {},
 }  # fmt: skip
 
 
@@ -172,6 +172,8 @@ VARIABLES: dict[str, Any] = {
         ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
         ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
         ({}, {"k3s_install_source": "airgap"}, "needs k3s_airgap_dir"),
+        ({}, {"k3s_config": {"data-dir": "/mnt/ssd/k3s"}}, "has a data-dir. Leave it out"),
+        ({}, {"k3s_config": {"data-dir": "/var/lib/rancher/k3s"}}, ""),
         ({"version": "v1.35.0+k3s1", "change": {"unproven": False, "version": "v1.34.2+k3s1"}}, {}, "is older than"),
         ({"cgroup_refused": True}, {"k3s_version": "v1.35.5+k3s1"}, "which has cgroup v1"),
         ({"machine": "riscv64"}, {}, "no k3s for the architecture riscv64"),
