@@ -195,12 +195,17 @@ class K3sHost(Host):
             return {}
 
     def version(self, binary: str = BINARY) -> str:
-        """Empty where there is none, or none that can be run: another machine's, or what a cut has left of one."""
+        """Empty where there is none that can be run."""
         path = self.path(binary)
+        return version_of(self.ran(str(path), "--version")[1]) if path.exists() else ""
+
+    def ran(self, *command: str) -> tuple[int, str, str]:
+        """Also where it cannot be run: it was taken away, is another machine's, or what a cut has left of one."""
         try:
-            return version_of(self.run([str(path), "--version"], handle_exceptions=False)[1]) if path.exists() else ""
-        except OSError:
-            return ""
+            code, out, err = self.run([*command], handle_exceptions=False)
+        except OSError as error:
+            return 126, "", str(error)
+        return code, out, err
 
     def show(self, service: str) -> dict[str, str]:
         arguments = [argument for name in SHOWN for argument in ("-p", name)]
@@ -227,8 +232,8 @@ class K3sHost(Host):
 
     def api(self, path: str) -> tuple[bool, str]:
         """GET below the local API server, with the administrator's certificate that k3s made."""
-        kubectl = [BINARY, "kubectl", "--kubeconfig", KUBECONFIG, "--request-timeout", "5s"]
-        code, out, err = self.run([*kubectl, "get", "--raw", path])
+        kubectl = (BINARY, "kubectl", "--kubeconfig", KUBECONFIG, "--request-timeout", "5s")
+        code, out, err = self.ran(*kubectl, "get", "--raw", path)
         return code == 0, (out if code == 0 else err).strip()
 
     def look(self, role: str, member: str = "", restarts_before: int = 0) -> Seen:

@@ -82,6 +82,7 @@ def test_a_binary_that_does_not_run_has_no_version(tmp_path: Path) -> None:
     run = Mock(side_effect=OSError(8, "Exec format error"))
     assert K3sHost(run, str(tmp_path)).version("/k3s") == ""
     run.assert_called_once_with([f"{tmp_path}/k3s", "--version"], handle_exceptions=False)
+    assert K3sHost(run).api("/readyz") == (False, "[Errno 8] Exec format error")
 
 
 class Commands:
