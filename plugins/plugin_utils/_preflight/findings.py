@@ -273,15 +273,19 @@ def _ports(facts: Result, _wanted: Variables) -> Iterable[Finding]:
         yield error(f"port {port} is taken by {by}", f"/proc/net/{listener['protocol']}", fix)
 
 
-def _reachable(facts: Result, _wanted: Variables) -> Iterable[Finding]:
-    """A node that has joined runs on without its server, so it is not stopped for that; a new one cannot join."""
+def _reachable(facts: Result, wanted: Variables) -> Iterable[Finding]:
+    """A node that has joined runs on without its server, so it is not stopped for that; a new one cannot join.
+
+    A new agent takes whichever server answers. A new server has to reach all of them.
+    """
     joined = facts["k3s"]["agent_data"]
+    one_takes = wanted["role"] == "agent" and any(target["outcome"] == "open" for target in facts["reach"])
     for target in facts["reach"]:
         if target["outcome"] in ANSWERS:
             continue
         what = f"{target['host']} port {target['port']} does not answer ({target['outcome']})"
         fix = "check the address, routes and firewalls between this host and that one"
-        yield (warning if joined else error)(what, "TCP connection", fix)
+        yield (warning if joined or one_takes else error)(what, "TCP connection", fix)
 
 
 def _name(facts: Result, wanted: Variables) -> Iterable[Finding]:

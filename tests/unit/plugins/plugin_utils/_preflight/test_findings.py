@@ -92,6 +92,7 @@ PI_WITHOUT_MEMORY = host(
 PI_3_ARMV7 = host(os={"id": "raspbian", "version": "11", "name": "Raspbian"}, machine="armv7l", memory_mb=921)
 JETSON_ARM64 = host(machine="aarch64", cgroup={**X86["cgroup"], **V1})
 AWAY = [{"host": "10.0.0.1", "port": 6443, "outcome": "timeout"}]
+THERE = {"host": "10.0.0.2", "port": 6443, "outcome": "open"}
 OURS = {"k3s__agent_data": True, "k3s__config": True, "k3s__units": ["k3s-agent.service"]}
 SERVER = {"role": "server", "others": []}
 CABLE, WIFI = ({"family": 4, "interface": name, "mtu": 1500} for name in ("eth0", "wlan0"))
@@ -146,6 +147,8 @@ SWITCHED_OFF = host(cgroup__controllers=["cpu", "cpuset", "pids"], cgroup__cmdli
         (host(listening=taken("udp", 8472, "")), {}, "error: port 8472/udp is taken by an unnamed process"),
         (host(reach=AWAY), {}, "error: 10.0.0.1 port 6443 does not answer (timeout)"),
         (host(reach=AWAY, **OURS), {}, "warning: 10.0.0.1 port 6443 does not answer (timeout)"),
+        (host(reach=[*AWAY, THERE]), {}, "warning: 10.0.0.1 port 6443 does not answer (timeout)"),
+        (host(reach=[*AWAY, THERE]), SERVER, "error: 10.0.0.1 port 6443 does not answer (timeout)"),
         (host(hostname="Robot_1"), {}, "error: the host name 'Robot_1' is not valid"),
         (host(hostname=""), {}, "error: the host name '' is not valid"),
         (host(hostname="localhost"), {}, "error: the host is named localhost"),
