@@ -12,7 +12,7 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import OTHERS, parts
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, Control
-from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import STAGES, path_of
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import STAGES, Run, path_of
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._rehearsal.recordings import RECORDING
@@ -59,6 +59,11 @@ def test_a_recording_of_a_master(server: Server, control: Control, master: dict[
     assert parts(json.loads(path.read_text()), "it") == {}
     assert path.stat().st_mode & 0o777 == 0o600
     assert server.writes == []
+
+
+def test_one_file_is_not_for_several_robots(control: Control) -> None:
+    found = Run(control, "robot1,robot2", playbook="record", record_file="robot7.json")
+    assert (found.status, "record_file is for one robot" in found.output) == (2, True)
 
 
 def test_an_update_that_fails_and_nobody_who_sends(server: Server, control: Control, master: dict[str, str]) -> None:
