@@ -227,8 +227,14 @@ class Engine(Hands):
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
         self.apply_all([*self.ground, *services])
-        if services:  # with addresses of their own
+        # without ROS the graph is asked of the keeper, which may be new
+        asked, keeper = self.robot.master.mode == "none" and self.plan.steps, deployments_of(self.ground)
+        if services or asked:  # with addresses of their own
             self.live = replace(self.live, services=self.read().services)
+        if asked and not (self.check and keeper):
+            self.need_master()
+            self.cluster.wait(keeper, self.settings.rollout_timeout)
+            self.master_answers("the keeper answers")
 
     def _record(self) -> None:
         """Before the first step. The update of a master that does not answer is how to mend it."""

@@ -502,7 +502,9 @@ class SimulatedRobot:
         return any(pod.app == app and pod.ready and pod.up for pod in self.pods)
 
     def master_up(self) -> bool:
-        return self.is_up(names.MASTER_NAME)
+        """That of a robot without ROS is its keeper."""
+        alone = all(pod.app != names.MASTER_NAME for pod in self.pods)
+        return self.is_up(names.KEEPER_NAME if alone else names.MASTER_NAME)
 
     def register(self, process: Process) -> None:
         self.registered[process.node] = process

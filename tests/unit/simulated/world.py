@@ -428,7 +428,8 @@ class Simulation(SimulatedRobot):
                 assert new or self.holder == RUN, f"{key} is changed by a run that has no Lease"
             if kind == "Deployment" and self.time:
                 assert not self.cancelled, "a run that was cancelled goes on"
-                self.prove(item)
+                if "--keep" not in item["spec"]["template"]["spec"]["containers"][0].get("command", ()):
+                    self.prove(item)
             self.touched.add(key)
             if kind == "Deployment" and before and template_of(item) != template_of(before) and self.is_unproven(item):
                 self.steps.append(self.time)

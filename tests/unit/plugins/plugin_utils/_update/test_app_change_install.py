@@ -199,6 +199,19 @@ def test_part_by_part() -> None:
     assert [word(sim, of, parts=[part]) for part in ("apps", "master")] == ["unchanged", "updated"]
 
 
+def test_without_ros_the_keeper_is_there_before_it_is_asked() -> None:
+    """By the first run, and by one that changes it and an app at once."""
+
+    def of(version: str) -> Robot:
+        return robot(app("sensor", version, readiness={"command": ["ask"]}), master={"mode": "none", "image": version})
+
+    sim = Simulation()
+    assert "robot1 has no ROS master" in outcome(sim, of(GOOD), parts=["apps"]).reason
+    sim = Simulation()
+    assert word(sim, of(GOOD), check=True) == "updated"
+    assert [word(sim, of(version)) for version in (GOOD, BETTER, BETTER)] == ["updated", "updated", "unchanged"]
+
+
 def test_check_mode_names_all_of_it_and_makes_nothing() -> None:
     sim = Simulation()
     assert word(sim, wanted(volumes=[VOLUME]), check=True) == "updated"
