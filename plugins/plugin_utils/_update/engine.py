@@ -27,7 +27,7 @@ from .._model import names
 from .._model.context import Robot, namespace_of
 from .._model.outcomes import FAILED, ROLLED_BACK, UNCHANGED, UPDATED
 from .._objects.namespace import removed_claims, storage_objects
-from .._objects.parts import APPS, MASTER, READY, ground_objects
+from .._objects.parts import APPS, MASTER, READY, STORAGE, ground_objects
 from .addresses import NAMES, located, other_master
 from .app_change import AppChange, InstallChange, RemovalChange
 from .change import NOTHING, StepChange, word_of
@@ -67,6 +67,8 @@ class Engine(Hands):
         """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
         try:
             gone = removed_claims(self.robot, self.settings.remove_claims, self.settings.remove_confirm)
+            if not (self.settings.request.own and STORAGE in self.settings.request.parts):
+                gone = []
             self.host.there()
             self.unlabelled = self.cluster.unlabelled(self.robot)
             if self.unlabelled:

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
@@ -331,6 +332,10 @@ def test_a_claim_goes_when_that_is_confirmed_and_nobody_mounts_it() -> None:
     only = outcome(sim, gone, parts=["storage"], remove_claims=["logs"], remove_confirm=True)
     assert (only.outcome, claim in sim.objects) == ("failed", True)
     assert "no claim is deleted while an app runs that mounts it: logs-pvc sensor" in only.reason
+    # a turn for what is the fleet's, or for other parts, is none for the robot's data
+    for other in ({"request": Request(own=False)}, {"parts": ["apps"]}):
+        assert word(sim, gone, remove_claims=["logs"], remove_confirm=True, check=True, **other) != "failed"
+        assert claim[0] not in [change.ref.kind for change in sim.engine_changes]
     assert word(sim, gone, remove_claims=["logs"], remove_confirm=True, check=True) == "updated"
     assert claim in sim.objects
     assert word(sim, gone, remove_claims=["logs"], remove_confirm=True) == "updated"
