@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
 from ..plugin_utils._action.cancelled import cancellable
 from ..plugin_utils._action.gated import GatedAction
 from ..plugin_utils._model.fleet import robot_from_vars
-from ..plugin_utils._model.outcomes import UPDATED
+from ..plugin_utils._model.outcomes import FAILED, UPDATED
 from ..plugin_utils._report.kept import keep_early
 from ..plugin_utils._update.engine import soak
-from ..plugin_utils._update.outcome import StepResult
+from ..plugin_utils._update.outcome import RobotOutcome, StepResult
 
 
 class ActionModule(GatedAction):
@@ -33,18 +34,21 @@ class ActionModule(GatedAction):
         if self._task.check_mode or is_last_wave(known) or outcome.get("outcome") != UPDATED:
             return result
         robot, host = robot_from_vars(known), str(known["inventory_hostname"])
-        with self.cluster(params, known) as kube, cancellable():
-            found = soak(self.run_of(kube, known), robot, revisions(outcome), self.world(known))
-            if found.outcome == UPDATED:
-                return result
-            keep_early(kube, host, found.outcome, found.reason, changed=True)
+        try:
+            with self.cluster(params, known) as kube, cancellable():
+                found = soak(self.run_of(kube, known), robot, revisions(outcome), self.world(known))
+                if found.outcome == UPDATED:
+                    return result
+                keep_early(kube, host, found.outcome, found.reason, changed=True)
+        except FleetError as error:  # a task that fails for all of a wave ends the run
+            found = RobotOutcome(FAILED, f"nobody knows whether what is new stays good: {error}")
         self.ledger(known).note(host, found.outcome)
         return {**result, "outcome": {**outcome, "outcome": found.outcome, "reason": found.reason}}
 
 
 def is_last_wave(known: Variables) -> bool:
-    """Waves are taken in the order of their hosts' names (playbooks/waves.yml)."""
-    return max(known["ansible_play_hosts_all"]) in known["ansible_play_batch"]
+    """Waves are taken in the order of their hosts' names (playbooks/waves.yml), but for who has left the run."""
+    return max(known["ansible_play_hosts"]) in known["ansible_play_batch"]
 
 
 def revisions(outcome: Mapping[str, Any]) -> dict[str, str]:
