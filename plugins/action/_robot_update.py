@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..module_utils._common.documents import Arguments, Result, Variables
@@ -32,6 +33,7 @@ from ..plugin_utils._objects.namespace import needs_fleet_namespace
 from ..plugin_utils._objects.network import UNKNOWN, Hosts, host_networks
 from ..plugin_utils._objects.parts import CODE, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.kept import keep_early
+from ..plugin_utils._update.change import NOTHING
 from ..plugin_utils._update.engine import Engine
 from ..plugin_utils._update.hands import Settings, look_seconds
 from ..plugin_utils._update.ledger import FLEET, Ledger
@@ -83,9 +85,12 @@ class ActionModule(GatedAction):
         if self._before.get("outcome") in (FAILED, ROLLED_BACK, BUSY):
             # its turn for the whole fleet did not go well: that is its outcome
             return {"outcome": {key: self._before[key] for key in ("outcome", "reason", "steps")}}
+        self._earlier = tuple(map(StepResult.from_dict, self._before.get("steps") or ()))
         outcome = self.outcome(ledger, params["failure_budget"], known, lambda: self._update(params, result))
         if outcome is None:
             return {**result, "at_work": True}
+        if self._earlier and not outcome.steps:  # the robot came to no step this time
+            outcome = replace(outcome, reason=outcome.reason.removeprefix(f"{NOTHING}: "), steps=self._earlier)
         waits = outcome.outcome == WAITING
         steps = [step.as_dict() for step in outcome.steps if step.outcome != WAITING]
         # of a robot that the run comes back to
@@ -130,7 +135,7 @@ class ActionModule(GatedAction):
             pull_secrets=self._pull_secrets(),
             look_timeout=look_seconds(params["busy_timeout"], bool(since)) if params["own"] else None,
             since=since,
-            earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
+            earlier=self._earlier,
             edge_images=edge,
             known=self._known(params["archives"], edge),
             **{name: params[name] for name in (

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock, Mock, call
@@ -12,7 +13,8 @@ from ansible_collections.rosops.fleet.plugins.action import _robot_update
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Identity
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
@@ -155,6 +157,14 @@ def test_without_a_cluster_a_run_says_so() -> None:
     assert outcome(result)["outcome"] == "failed"
     assert "nothing was touched: There is no kubeconfig /nowhere/edge.yaml" in outcome(result)["reason"]
     assert update(NOWHERE, "apps", update_strict=True)["msg"] == f"failed: {outcome(result)['reason']}"
+
+
+def test_steps_that_ended_before_the_robot_was_waited_for_are_told_whatever_comes_then(tmp_path: Path) -> None:
+    step = StepResult("x", "camera", ("camera",), outcome="updated").as_dict()
+    Ledger(tmp_path, "robot1", "robot").note("robot1", "waiting", reason="busy", steps=[step], since={})
+    found = outcome(update(NOWHERE, "apps"))
+    assert (found["outcome"], found["steps"]) == ("failed", [step])
+    assert found["reason"].startswith("There is no kubeconfig")
 
 
 class Turns:
