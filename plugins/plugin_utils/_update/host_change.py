@@ -220,13 +220,16 @@ class Ward(Hands):
     def recall(self, node: str) -> None:
         """The contract of a change that nobody has proven, if the same versions run still.
 
-        A step that changed an app since has proven it by what it was, and its nodes may have new names.
+        A step that changed an app since has proven it by what it was, and its nodes may have new names. What cannot be
+        read there is not there.
         """
         for item in self.live.maps:
             if item["metadata"]["name"] == contract_name(node):
-                found = HostContract(**json_of(item["data"][CONTRACT]))
-                if found.versions == self._versions():
-                    self.contract = found
+                with contextlib.suppress(LookupError, TypeError, ValueError):
+                    said = json_of(item["data"][CONTRACT])
+                    found = HostContract(dict(said["conditions"]), dict(said["versions"]), list(said["well"]))
+                    if found.versions == self._versions():
+                        self.contract = found
 
     def record(self) -> None:
         """Its graph as it is now; RosError."""

@@ -406,6 +406,14 @@ def test_after_an_app_was_updated_the_graph_is_recorded_anew() -> None:
     assert outcome(site)[0] == "updated"
 
 
+@pytest.mark.parametrize("said", ["", "{", "[]", '{"well": 1}'])
+def test_a_contract_that_somebody_spoilt_is_recorded_anew(said: str) -> None:
+    site = killed_in_its_proof("graph")
+    spoilt = {"contract.json": said} if said else {}
+    site.bad, site.objects["ConfigMap", "robot-robot1", "host-change-node1"]["data"] = {}, spoilt
+    assert outcome(site)[0] == "updated"
+
+
 # --- several robots -------------------------------------------------------------------------------------------------
 
 
