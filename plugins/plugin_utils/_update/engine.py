@@ -27,6 +27,7 @@ from .._model import names
 from .._model.context import Robot, namespace_of
 from .._model.outcomes import FAILED, ROLLED_BACK, UNCHANGED, UPDATED
 from .._objects.namespace import removed_claims, storage_objects
+from .._objects.network import KIND as POLICY
 from .._objects.parts import APPS, MASTER, READY, STORAGE, ground_objects
 from .addresses import NAMES, located, other_master
 from .app_change import AppChange, InstallChange, RemovalChange
@@ -140,7 +141,7 @@ class Engine(Hands):
             self._plan()
             # a step changes what is the whole fleet's; to make what is not there is anybody's
             changed = [item for step in self.plan.steps if step.kind != INSTALL for item in step.objects]
-            changed += self.plan.remnants
+            changed += [item for item in self.plan.remnants if item["kind"] != POLICY]  # each robot has its own there
             if any(item["metadata"].get("namespace") == names.FLEET_NAMESPACE for item in changed):
                 claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
                 self._plan()

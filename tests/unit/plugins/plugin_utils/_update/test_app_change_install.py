@@ -309,6 +309,15 @@ def test_what_disturbs_no_pod_takes_no_step() -> None:
     assert word(sim, more) == "unchanged"
 
 
+def test_what_a_robot_has_beside_others_in_the_fleets_namespace_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the fleet's Lease all robots of a wave would be in each other's way."""
+    sim = working(robot(APPS[1], master={"mode": "shared"}, admits=["192.0.2.0/24"]))
+    claims = spied(monkeypatch, SimulatedCluster, "claim")
+    found = outcome(sim, robot(APPS[1], master={"mode": "shared"}))
+    assert (found.outcome, "NetworkPolicy fleet/robot-robot1" in found.reason) == ("updated", True)
+    assert [one["_namespace"] for one in claims] == [NAMESPACE]
+
+
 def test_the_whole_graph_is_looked_at_though_nothing_was_changed() -> None:
     sim = working()
     sim.watched = set()
