@@ -273,8 +273,8 @@ def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:
 
     Its records say so before anything of it is there, and know no way back. So an installation that was cut off is
     known by them, and what it has brought up is installed once more: as it is wanted, so that nothing becomes of it but
-    a proof. The robot's messages are not asked before the other steps, those of master and keeper: the app that would
-    publish them is itself to come, and after them.
+    a proof. The robot's messages are not asked before the other steps: the app that would publish them is itself to
+    come, and after them. Nor has a master or keeper of its own, which is at nobody's work, to wait for a window.
     """
     again = [step for step in steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
@@ -282,7 +282,15 @@ def _with_install(there: _Robot, steps: Sequence[Step]) -> list[Step]:
     if {app for space, app in there.working if space == there.robot.namespace} - installed - {*SERVING}:
         return [*steps]
     new = [step for step in steps if step in again or not there.working & {*map(key_of, step.workloads)}]
-    others = [replace(step, when=[]) for step in steps if step not in new]
+    quiet = replace(there.robot, when=())
+    others = [
+        replace(
+            step,
+            when=context.wanted_before(quiet, [app for app in quiet.apps if app.name in step.apps]),
+            windows=step.windows if _is_shared(step.workloads) else ALWAYS,
+        )
+        for step in steps if step not in new
+    ]  # fmt: skip
     apps = [app for step in new for app in step.apps]
     if not apps:
         return others

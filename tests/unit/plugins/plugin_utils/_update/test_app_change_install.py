@@ -31,6 +31,7 @@ GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
 SHARE = 1 if ALL else 15
 NAMESPACE = "robot-robot1"
 VOLUME = {"name": "logs"}
+CHARGED = {"topic": "/battery", "field": "percentage", "above": 0.4}
 SITE: dict[str, Any] = {"parts": PARTS, "rollout_timeout": 60.0, "verify_seconds": 1.0}
 
 
@@ -67,18 +68,19 @@ def marked(sim: Simulation) -> set[str]:
 
 
 def test_a_robot_whose_apps_never_came_up_is_not_asked_by_their_messages() -> None:
-    """The apps that would publish the answer are in the very plan, after the master's and the keeper's steps."""
-    charged = {"topic": "/battery", "field": "percentage", "above": 0.4}
+    """The apps that would publish the answer are in the very plan, after the master's and the keeper's steps. Nor has
+    it to wait for a window."""
+    asked: dict[str, Any] = {"update_when": [CHARGED], "update_windows": [{"from": "00:00", "to": "00:01"}]}
     sim = Simulation()
     assert word(sim, robot(app("sensor", image("never-starts")))) == "failed"
-    found = outcome(sim, robot(app("sensor", GOOD), master={"image": BETTER}, update_when=[charged]))
+    found = outcome(sim, robot(app("sensor", GOOD), master={"image": BETTER}, **asked))
     assert (found.outcome, [step.phases.get("wait", 0.0) for step in found.steps]) == ("updated", [0.0] * 3), found
-    later = outcome(sim, robot(app("sensor", BETTER), master={"image": BETTER}, update_when=[charged]))
+    later = outcome(sim, robot(app("sensor", BETTER), master={"image": BETTER}, update_when=[CHARGED]))
     assert later.outcome == "deferred-busy"  # the robot works by now, and is asked
     assert "nobody publishes it; -e update_on_busy=force changes the robot without asking it" in later.reason
     promising = {"topics": [{"name": "/battery", "publishers": 1}]}
     driver = app("sensor", image("good", 2), readiness=promising)
-    assert outcome(sim, robot(driver, master={"image": BETTER}, update_when=[charged])).outcome == "deferred-busy"
+    assert outcome(sim, robot(driver, master={"image": BETTER}, update_when=[CHARGED])).outcome == "deferred-busy"
     assert any("/battery is app sensor's, which publishes nothing; -e update_on_busy" in line for line in sim.said)
 
 

@@ -176,6 +176,18 @@ EXTERNAL = {"mode": "external", "uri": "http://192.0.2.5:11311"}
 SHARED = {"mode": "shared"}
 
 
+def test_what_is_the_fleets_and_at_work_waits_for_what_it_says_though_the_robot_has_no_app_yet() -> None:
+    docked, charged = ({"topic": topic, "quiet": 1} for topic in ("/dock", "/battery"))
+    night = {"update_when": [charged], "update_windows": [{"from": "01:00", "to": "02:00"}]}
+    chart = app("chart", scope="fleet", update={"when": [docked]})
+    there, wanted = versions(chart, app("one"), master=SHARED, **night)
+    live = applied(there)
+    of_fleets = [item for item in live.deployments if item["metadata"]["namespace"] == "fleet"]
+    step, install = planned(wanted, replace(live, deployments=of_fleets)).steps
+    assert (step.apps, step.when, bool(step.windows)) == (["chart"], [docked], True)
+    assert (install.apps, install.kind) == (["one"], "install")
+
+
 def test_the_keeper_beside_an_external_master_is_no_step_and_no_orphan() -> None:
     seen = robot(app("one"), master=EXTERNAL)
     live = applied(seen)
