@@ -277,7 +277,7 @@ class UpdateSettings:
     idle: tuple[GraphName, ...] = ()
     """Actions, this app's or others', that have to be idle before it is updated."""
     on_busy: Literal["wait", "defer", "force"] | None = None
-    """What to do when they are not, instead of what the run says."""
+    """What to do when they are not, instead of what the run says; in a group the most careful of these counts."""
     when: When = ()
     """What messages, or HTTP servers, must say before it is updated, besides C(update_when) of the role C(update).
     Items are as the option C(values) of the module M(rosops.fleet.ros_ready) takes them. A relative topic stands in the

@@ -35,6 +35,7 @@ MASTER, KEEPER, EXPORTER = names.MASTER_NAME, names.KEEPER_NAME, names.EXPORTER_
 PREVIOUS, ALL = "previous", "all"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
+POLICIES = ("force", "wait", "defer")  # and so of what its apps say about a busy robot
 APP, INSTALL, REMOVE = "app", "install", "remove"  # kinds of a step; another one is the master's
 
 Desired = Mapping[str, Sequence[Object]]  # app -> its objects, the master and its keeper as apps of these names
@@ -221,7 +222,7 @@ class _Robot:
                 if (found := launched(previous[app], wanted[app], spec))
             },
             rest=self._rest(apps.values()),
-            on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
+            on_busy=max(filter(None, (app.update.on_busy for app in apps.values())), key=POLICIES.index, default=None),
             when=context.wanted_before(self.robot, apps.values()),
             windows=self.robot.windows,
             intended=intended(apps.values(), self.robot, old_nodes, back),

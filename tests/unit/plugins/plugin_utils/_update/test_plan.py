@@ -291,7 +291,7 @@ def test_a_step_says_all_that_its_phases_need() -> None:
     group, drain = {"group": "motion"}, {"pattern": "action", "readiness": {"actions": ["plan", "~go"]}}
     before, wanted = versions(
         app("light"),
-        app("map", readiness={"actions": ["scan"]}, update={**group, "idle": ["dock", "~lift"]}),
+        app("map", readiness={"actions": ["scan"]}, update={**group, "idle": ["dock", "~lift"], "on_busy": "force"}),
         app("drive", **drain, update={**group, "idle": ["dock", "charge"], "on_busy": "defer"}),
         app("arm", **drain, update=group),
     )
