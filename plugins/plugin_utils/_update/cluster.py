@@ -75,7 +75,7 @@ class KubeCluster:
             kind, version = KINDS[part]
             # the items of a list do not say what they are
             found[part] += [{**item, "apiVersion": version, "kind": kind} for item in items]
-        return Live(**found)
+        return Live(**found, homes={})
 
     def unlabelled(self, robot: Robot) -> bool:
         """Whether nodes of its pods are known by the labels of 1.0 alone: the role node was not there since."""

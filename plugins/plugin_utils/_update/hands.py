@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ...module_utils._common.errors import FleetError, NotReadyError, RosError
 from ...module_utils._common.poll import FAIL, PASS, WAIT
@@ -14,7 +14,7 @@ from ...module_utils._step.update_record import ways_back
 from .._kube.applied import Applied
 from .._kube.running import Known
 from .._model import names
-from .._model.context import Robot, master_namespace, master_uri
+from .._model.context import Robot, master_namespace, master_uri, namespace_of
 from .._objects.common import Files
 from .._objects.namespace import needs_fleet_namespace
 from .._objects.network import UNKNOWN, Hosts
@@ -127,8 +127,10 @@ class Hands:
 
     def read(self) -> Live:
         """What the API shows of the robot now, with what of the fleet is its own, too."""
-        shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
-        return self.cluster.read([self.robot.namespace, *shared])
+        robot = self.robot
+        shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(robot) else []
+        homes = {app.name: namespace_of(app, robot) for app in robot.apps}
+        return replace(self.cluster.read([robot.namespace, *shared]), homes=homes)
 
     def apply_all(self, objects: Sequence[Object]) -> None:
         """All of them in one call; in check mode it is only found out what that would change."""

@@ -12,7 +12,7 @@ import functools
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ...module_utils._common.errors import FleetError
 from ...module_utils._step import objects
@@ -48,12 +48,17 @@ class Live:
     services: Sequence[Object] = ()
     pods: Sequence[Object] = ()
     policies: Sequence[Object] = ()
+    homes: Mapping[str, str] = field(default_factory=dict)  # app -> where it is; elsewhere one of its name may be
 
     @functools.cached_property
     def records(self) -> Mapping[str, Record]:
         """App -> what its ConfigMap `<app>-update` keeps."""
-        known = [item for item in self.maps if item["metadata"]["name"] == names.update_name(objects.app_of(item))]
-        return {objects.app_of(item): record_of(item) for item in known}
+        found = {}
+        for item in self.maps:
+            app, metadata = objects.app_of(item), item["metadata"]
+            if metadata["name"] == names.update_name(app) and self.homes.get(app) in (None, metadata.get("namespace")):
+                found[app] = record_of(item)
+        return found
 
     def service_uri(self, name: str, namespace: str) -> str:
         """`http://address:port` of a Service, or nothing where it is not there."""

@@ -62,13 +62,13 @@ def _refused(draft: Draft, path: str, deployment: Object) -> Iterator[Problem]:
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
-    """Two apps of one name are one Deployment; two nodes of one name shut each other down at the master."""
+    """Two apps of one name are one step, two nodes of one name shut each other down at the master."""
     apps = [
-        (path, (raw.get("scope") == "fleet", raw["name"]))
+        (path, raw["name"])
         for path, raw in each(f"{draft.path}.ros_apps", draft.declared_apps)
         if isinstance(raw.get("name"), str)
     ]
-    for path, (_scope, name), first in taken(apps):
+    for path, name, first in taken(apps):
         yield Problem(f"{path}.name", f"is '{name}' as in {first}", "a name of its own")
     nodes = [((path, app.name), context.graph_node(app, draft.robot)) for path, app, _raw in draft.apps]
     for (path, name), node, (first, other) in taken(nodes):

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, namespace_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     RECREATE_STRATEGY,
     annotate,
@@ -28,7 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import R
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 from ansible_collections.rosops.fleet.tests.unit.simulated import world
-from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app
+from ansible_collections.rosops.fleet.tests.unit.simulated.objects import app, entry, update_map
 from ansible_collections.rosops.fleet.tests.unit.simulated.robot import FOREVER, image
 from ansible_collections.rosops.fleet.tests.unit.simulated.scenarios import (
     ALL,
@@ -272,6 +272,26 @@ def test_files_are_a_version_s_and_are_kept_for_as_long_as_its_way_back() -> Non
     assert outcome_of(sim, with_file(versions[-1])).outcome == "unchanged"
     assert outcome_of(sim, with_file(versions[-1]), request=Request(to="previous")).outcome == "updated"
     assert sorted(file_maps_of(sim)) == versions[-HISTORY_KEPT:]
+
+
+@pytest.mark.parametrize("scope", ["robot", "fleet"])
+def test_a_record_of_another_app_of_the_same_name_is_none_of_its_own(scope: str) -> None:
+    """The fleet's, of another robot, or the one that it left when it moved."""
+
+    def of(version: str, scope: str = scope) -> Robot:
+        return robot(app("sensor", version, scope=scope), master={"mode": "shared", "image": OLD})
+
+    sim, other = Simulation(), of(image("good", 9), "fleet" if scope == "robot" else "robot")
+    sim.install(of(OLD))
+    space = namespace_of(other.apps[0], other)
+    record = update_map("sensor", [entry(other, "sensor")], revision="12345678")
+    record["metadata"]["namespace"] = space
+    wanted = of(image("good"))
+    assert outcome_of(sim, wanted).outcome == "updated"
+    sim.objects["ConfigMap", space, "sensor-update"] = {**record, "kind": "ConfigMap", "applied": {}}
+    assert outcome_of(sim, wanted, request=Request(to="previous")).outcome == "updated"
+    assert ("Deployment", space, "sensor") not in sim.objects
+    assert outcome_of(sim, of(OLD)).outcome == "unchanged"
 
 
 # --- what a run tells -------------------------------------------------------------------------------------------------
