@@ -293,7 +293,8 @@ class Engine(Hands):
 
     def tell(self) -> None:
         last = self.results[-1] if self.results else None
-        if last and (last.outcome == WAITING or (last.outcome == UPDATED and not last.reason)):
+        waits = last and last.outcome == WAITING and not {"start", "apply"} & last.phases.keys()
+        if last and (waits or (last.outcome == UPDATED and not last.reason)):
             return  # told before it waited, or when its mark was taken off
         try:
             self.apply_all(self.untold())

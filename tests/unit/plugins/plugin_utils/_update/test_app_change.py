@@ -684,6 +684,17 @@ def test_a_bad_version_is_not_taken_back_while_it_works(goal: float, fault: str,
     assert outcome_of(sim, wanted).outcome == "rolled-back"
 
 
+def test_the_record_says_that_a_run_waits_for_a_bad_version_at_work() -> None:
+    """It comes back to the robot, which nobody has meanwhile: nobody closes the step."""
+    sim, wanted = begin("drain", "half-the-rate")
+    sim.goal("/plan", 45.0, after=8.0)
+    found, engine = run_of(sim, wanted, look_timeout=0.0)
+    sim.advance(15.0)
+    assert found.outcome == "waiting"
+    assert '"outcome": "waiting"' in sim.events() and "it was not taken back" in sim.events()
+    assert outcome_of(sim, wanted, look_timeout=8.0, since=engine.waiting).outcome == "rolled-back"
+
+
 @pytest.mark.parametrize(("tolerance", "word"), [(0.6, "updated"), (0.4, "rolled-back")])
 def test_a_rate_may_fall_by_what_the_inventory_says(tolerance: float, word: str) -> None:
     sim, wanted = begin("overlap", "half-the-rate")
