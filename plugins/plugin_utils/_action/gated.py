@@ -47,14 +47,16 @@ class GatedAction(ClusterAction):
 
     def outcome(self, ledger: Ledger, budget: str, known: Variables, change: Callable[[], Came]) -> RobotOutcome | Came:
         """What the change came to. What goes wrong before it is the host's outcome, and no error of the run."""
-        hosts = known.get("ansible_play_hosts_all") or known.get("ansible_play_batch") or [known["inventory_hostname"]]
+        host = str(known["inventory_hostname"])
+        hosts = known.get("ansible_play_hosts_all") or known.get("ansible_play_batch") or [host]
+        begun = ledger.last(host).get("outcome") == WAITING  # whoever else of its wave has failed, and left, since
         try:
-            refusal = ledger.refusal(budget, len(hosts))
+            refusal = "" if begun else ledger.refusal(budget, len(hosts))
             return RobotOutcome(UNCHANGED, refusal) if refusal else change()
         except (FleetError, AnsibleError) as error:  # of Ansible's: a variable of this host that cannot be templated
             return RobotOutcome(word_of(error), f"{NOTHING}: {error}")
         except Exception:  # a defect of ours counts as a failure of the host, and is seen as what it is
-            ledger.note(str(known["inventory_hostname"]), FAILED)
+            ledger.note(host, FAILED)
             raise
 
     def run_of(self, kube: Kube, known: Variables) -> KubeCluster:

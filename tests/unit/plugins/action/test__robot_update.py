@@ -210,6 +210,14 @@ def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(monkeypatch
     assert told["reason"] == "not begun: robot1 failed, which is more than update_failure_budget allows"
 
 
+def test_a_robot_that_was_waited_for_has_begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Also where the first robot of it, by which it is known, has failed and left the play since (update_strict)."""
+    wave = Ledger(tmp_path, "robot1", "robot")
+    wave.note("robot2", "waiting", reason="busy", steps=[], since={})
+    wave.note("robot1", "failed")
+    assert Turns(monkeypatch, robot2="").take("robot2", own=True)["outcome"]["outcome"] == "updated"
+
+
 @pytest.mark.parametrize(
     ("said", "to"),
     [({}, ""), ({"update_back": True}, "previous"), ({"update_back": True, "update_to": 12345678}, "12345678")],
