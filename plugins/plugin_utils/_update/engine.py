@@ -36,7 +36,7 @@ from .cluster import KubeCluster
 from .hands import Hands, Settings, World
 from .outcome import EVENTS_NAME, WAITING, RobotOutcome, known_events, robot_outcome
 from .plan import INSTALL, REMOVE, Desired, Plan, Step, all_of, placed, promised, rendered, update_plan
-from .revisions import claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
+from .revisions import Key, claim_users, deployments_of, files_owner, key_of, lost_services, suspects, unused
 from .step import images_of
 from .world import AwayError, CancelledError, HeldError, Object
 
@@ -180,6 +180,11 @@ class Engine(Hands):
                 self.waiting[step.name] = change.since
             if result.outcome != UPDATED or change.over:
                 break
+            try:
+                self.apply_all(self._leads([step]))
+            except FleetError as error:
+                self.trouble = error
+                break
         else:
             self._remove(gone)
             self._tidy(gated)
@@ -226,10 +231,10 @@ class Engine(Hands):
         # of what is installed the archives alone: the node pulls the rest, all at the same time
         if images or any(step.kind == INSTALL for step in self.plan.steps):
             self.host.bring(sorted(images))
-        services = self._lost()
+        services, later = self._lost(), self._leads(gated)
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
-        self.apply_all([*self.ground, *services])
+        self.apply_all([*(item for item in self.ground if item not in later), *services])
         # without ROS the graph is asked of the keeper, which may be new
         asked, keeper = self.robot.master.mode == "none" and self.plan.steps, deployments_of(self.ground)
         if services or asked:  # with addresses of their own
@@ -238,6 +243,18 @@ class Engine(Hands):
             self.need_master()
             self.cluster.wait(keeper, self.settings.rollout_timeout)
             self.master_answers("the keeper answers")
+
+    def _apps(self, steps: Sequence[Step]) -> set[Key]:
+        """Those of these steps. The master and its keeper have Services of their own."""
+        own = {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
+        return {key_of(item) for step in steps for item in step.workloads} & own
+
+    def _leads(self, steps: Sequence[Step]) -> list[Object]:
+        """Of the ground what leads to the ports of these steps' apps, and is there: the old versions' may be others."""
+        apps = self._apps(steps)
+        there = [(item["kind"], *key_of(item)) for item in [*self.live.services, *self.live.policies]]
+        of_apps = [item for item in self.ground if (item["metadata"].get("namespace"), app_of(item)) in apps]
+        return [item for item in of_apps if (item["kind"], *key_of(item)) in there]
 
     def _record(self) -> None:
         """Before the first step. The update of a master that does not answer is how to mend it."""
@@ -258,9 +275,7 @@ class Engine(Hands):
 
         Of those that went all of it. What is left because of an error the next update finds.
         """
-        # the master and its keeper have Services of their own
-        own = {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
-        apps = {key_of(item) for step in gated for item in step.workloads} & own
+        apps = self._apps(gated)
         before = {*map(files_owner, self.live.maps), *map(key_of, self.live.services)}
         gone = [*self.plan.remnants]
         try:

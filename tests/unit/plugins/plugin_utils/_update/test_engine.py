@@ -250,6 +250,25 @@ def test_a_service_comes_with_ports_and_goes_with_them() -> None:
         assert outcome_of(sim, with_ports(*numbers)).outcome == "unchanged"
 
 
+def test_the_ports_of_the_version_before_lead_there_until_the_next_one_is_proven() -> None:
+    def of(version: str, *ports: str) -> Robot:
+        named = [{"name": name, "port": 80 + number} for number, name in enumerate(ports)]
+        return robot(app("sensor", version, placement="local", ports=named))
+
+    sim = Simulation()
+    sim.install(of(OLD))
+    assert outcome_of(sim, of(OLD, "a", "b")).outcome == "updated"
+    leads = [("Service", "robot-robot1", "sensor"), ("NetworkPolicy", "robot-robot1", "sensor.ports")]
+    before = [sim.objects[key]["spec"] for key in leads]
+    assert outcome_of(sim, of(image("never-starts"), "b")).outcome == "rolled-back"
+    assert [sim.objects[key]["spec"] for key in leads] == before
+    assert outcome_of(sim, of(image("good"), "b"), check=True).outcome == "updated"
+    assert {change.ref.kind for change in sim.engine_changes} >= {kind for kind, _space, _name in leads}
+    assert outcome_of(sim, of(image("good"), "b")).outcome == "updated"
+    assert [one["name"] for one in sim.objects[leads[0]]["spec"]["ports"]] == ["b"]
+    assert outcome_of(sim, of(image("good"), "b")).outcome == "unchanged"
+
+
 def with_file(content: str) -> Robot:
     files = [{"path": "/etc/sensor.yaml", "content": content}]
     return robot(app("sensor", OLD, placement="local", files=files))
