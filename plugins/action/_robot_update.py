@@ -94,7 +94,8 @@ class ActionModule(GatedAction):
         waits = outcome.outcome == WAITING
         steps = [step.as_dict() for step in outcome.steps if step.outcome != WAITING]
         # of a robot that the run comes back to
-        more = {"reason": outcome.reason, "steps": steps, "since": self._since if waits else {}}
+        wait = {"since": self._since, "begun": self._begun} if waits else {}
+        more = {"reason": outcome.reason, "steps": steps, **wait}
         ledger.note(self._host, outcome.outcome, **(more if waits or not params["own"] else {}))
         if waits:
             return {**result, "msg": outcome.reason, "waiting": True}
@@ -135,6 +136,7 @@ class ActionModule(GatedAction):
             pull_secrets=self._pull_secrets(),
             look_timeout=look_seconds(params["busy_timeout"], bool(since)) if params["own"] else None,
             since=since,
+            begun=self._before.get("begun") or {},
             earlier=self._earlier,
             edge_images=edge,
             known=self._known(params["archives"], edge),
@@ -153,7 +155,7 @@ class ActionModule(GatedAction):
                 raise NotReadyError(brought["msg"])
 
         engine = Engine(robot, settings, self.run_of(kube, self._vars), self.world(self._vars, bring))
-        outcome, self._since = engine.run(), engine.waiting
+        outcome, self._since, self._begun = engine.run(), engine.waiting, engine.begun
         if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
             keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))
         result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))

@@ -55,7 +55,7 @@ class Change:
         self.clock, self.say, self.trace = world.clock, world.say, world.trace
         since = settings.since.get(self.name)
         waited = 0.0 if since is None else world.clock.now() - since
-        started = world.clock.wall() - waited
+        started = settings.begun.get(self.name, world.clock.wall() - waited)
         self.told = replace(told, id=step_id(host, told.apps, started), started=started)
         self.rests: list[Rest] = []
         self.begun = False  # something may have been written

@@ -60,6 +60,7 @@ class Engine(Hands):
         self.desired: Desired = {}  # what the robot is to run
         self.ground: Sequence[Object] = ()  # what the pods stand on, of the parts that are asked for
         self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
+        self.begun: dict[str, float] = {}  # step that waits -> when it began
         self.left = False  # it is at work and has to be changed, which this run may not
         self.unlabelled = False  # nodes of its pods have the labels of 1.0 alone
         self.trouble: FleetError | None = None  # after the steps
@@ -177,7 +178,7 @@ class Engine(Hands):
             self.results.append(result)
             self.stale = not self.check
             if result.outcome == WAITING and change.since is not None:
-                self.waiting[step.name] = change.since
+                self.waiting[step.name], self.begun[step.name] = change.since, result.started
             if result.outcome != UPDATED or change.over:
                 break
             try:

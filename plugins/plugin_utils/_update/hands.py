@@ -48,6 +48,7 @@ class Settings:
     busy_timeout: float = 600.0
     look_timeout: float | None = None  # of waiting in this run of the engine; then it is `waiting`. None: as above
     since: Mapping[str, float] = field(default_factory=dict)  # step -> when it began to wait, by the clock's `now`
+    begun: Mapping[str, float] = field(default_factory=dict)  # step -> when it began, where that was in an earlier look
     earlier: Sequence[StepResult] = ()  # steps that have ended before, in this run of the playbook
     ready_timeout: float = 120.0
     verify_seconds: float = 1.0

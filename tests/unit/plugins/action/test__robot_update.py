@@ -251,7 +251,7 @@ def test_images_of_all_edge_hosts_are_known_from_one(
             return RobotOutcome("unchanged")
 
         verdict = {"verdict": "pass", "elapsed": 0.5}
-        return SimpleNamespace(run=run, waiting={}, graph_told=verdict, changes=[], left=False)
+        return SimpleNamespace(run=run, waiting={}, begun={}, graph_told=verdict, changes=[], left=False)
 
     bring = Mock(return_value={"failed": True, "msg": "b:1 is nowhere"})
     monkeypatch.setattr(_robot_update, "Engine", engine)

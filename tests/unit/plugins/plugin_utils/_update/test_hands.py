@@ -283,8 +283,9 @@ def test_a_run_that_comes_back_listens_for_long_enough() -> None:
     sim, wanted = charging("overlap", STEERED)
     first, engine = run_of(sim, wanted, look_timeout=0.0)
     assert first.outcome == "waiting"
-    again, _engine = run_of(sim, wanted, look_timeout=8.0, since=engine.waiting)
+    again, _engine = run_of(sim, wanted, look_timeout=8.0, since=engine.waiting, begun=engine.begun)
     assert again.outcome == "updated"
+    assert [step.id for step in again.steps] == [step.id for step in first.steps]
 
 
 def test_a_look_lasts_until_a_silent_peer_is_known_and_the_graph_was_stable_after_that(
