@@ -29,7 +29,7 @@ from ..plugin_utils._model.context import Robot
 from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ..plugin_utils._model.formats import listed
 from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
-from ..plugin_utils._objects.namespace import needs_fleet_namespace
+from ..plugin_utils._objects.namespace import of_fleet
 from ..plugin_utils._objects.network import UNKNOWN, Hosts, host_networks
 from ..plugin_utils._objects.parts import CODE, ground_objects, images, tagged_parts, workload_objects
 from ..plugin_utils._report.kept import keep_early
@@ -64,8 +64,8 @@ class ActionModule(GatedAction):
         ledger = self.ledger(known, FLEET if not params["own"] else None if params["at_work"] else "")
         if params["own"]:
             return self._turn(params, ledger)
-        with ledger.alone():  # one robot's turn settles what is the whole fleet's
-            if needs_fleet_namespace(robot_from_vars(known)) and not ledger.fleet_done():
+        with ledger.alone():  # one robot's turn settles what is the whole fleet's, but for what others alone have
+            if not ledger.fleet_done(of_fleet(robot_from_vars(known))):
                 return self._turn(params, ledger)
         return {"changed": False}
 
@@ -95,7 +95,7 @@ class ActionModule(GatedAction):
         steps = [step.as_dict() for step in outcome.steps if step.outcome != WAITING]
         # of a robot that the run comes back to
         wait = {"since": self._since, "begun": self._begun} if waits else {}
-        more = {"reason": outcome.reason, "steps": steps, **wait}
+        more = {"reason": outcome.reason, "steps": steps, "parts": of_fleet(robot_from_vars(known)), **wait}
         ledger.note(self._host, outcome.outcome, **(more if waits or not params["own"] else {}))
         if waits:
             return {**result, "msg": outcome.reason, "waiting": True}

@@ -78,7 +78,13 @@ def removed_claims(robot: Robot, volumes: Sequence[str], confirmed: bool) -> lis
 
 def needs_fleet_namespace(robot: Robot) -> bool:
     """Whether something of this robot lives in the namespace `fleet`."""
-    return robot.master.mode == "shared" or any(app.scope == "fleet" for app in robot.apps)
+    return bool(of_fleet(robot))
+
+
+def of_fleet(robot: Robot) -> list[str]:
+    """What of it that is: a shared master, and apps of the whole fleet."""
+    shared = [names.MASTER_NAME] if robot.master.mode == "shared" else []
+    return [*shared, *(app.name for app in robot.apps if app.scope == "fleet")]
 
 
 def _claim(volume: Volume, namespace: str, robot: str | None) -> Object:

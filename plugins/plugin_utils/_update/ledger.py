@@ -12,12 +12,12 @@ import fcntl
 import json
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...module_utils._common.errors import SpecError
-from .._model.outcomes import FAILED, OFFLINE, ROLLED_BACK
+from .._model.outcomes import FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 
 NAME, STANDING = "rosops-fleet-ledger.jsonl", "rosops-fleet-standing.jsonl"
 COSTS_BUDGET = (FAILED, ROLLED_BACK)
@@ -58,9 +58,12 @@ class Ledger:
             fcntl.flock(file, fcntl.LOCK_EX)  # it ends with its worker
             yield
 
-    def fleet_done(self) -> bool:
-        """Whether some robot's turn has settled what is the fleet's. One that was off has not."""
-        return any(line["wave"] == FLEET and line["outcome"] != OFFLINE for line in _lines(self._path))
+    def fleet_done(self, parts: Collection[str]) -> bool:
+        """Whether robots' turns have settled these parts of what is the fleet's, or one did not go well. One that was
+        off has settled nothing."""
+        turns = [line for line in _lines(self._path) if line["wave"] == FLEET and line["outcome"] != OFFLINE]
+        settled = {part for line in turns for part in line.get("parts", ())}
+        return {*parts} <= settled or any(line["outcome"] not in (UPDATED, UNCHANGED) for line in turns)
 
     def last(self, robot: str) -> dict[str, Any]:
         """What was noted last of a host's change of this kind, with all that was said besides."""

@@ -176,13 +176,15 @@ class Turns:
             _robot_update.ActionModule, "_update", lambda module, params, _result: self.turn(module, params)
         )
         self.masters: dict[str, Any] = {"mode": "shared"}
+        self.talkers: tuple[str, ...] = ()  # robots with an app of the fleet
 
     def turn(self, module: Any, params: dict[str, Any]) -> RobotOutcome:
         self.turns.append((module._host, params["own"]))
         return RobotOutcome(self.words[module._host] if not params["own"] else "updated", "why")
 
     def take(self, name: str, own: bool) -> dict[str, Any]:
-        known = {**fleet_of(robot(name=name, master=self.masters)), "ansible_play_batch": [name]}
+        apps = [{**APP, "scope": "fleet"}] if name in self.talkers else []
+        known = {**fleet_of(robot(*apps, name=name, master=self.masters)), "ansible_play_batch": [name]}
         known |= {"ansible_play_hosts_all": ["robot1", "robot2", "robot3"], "inventory_hostname": name}
         return run(_robot_update, {}, {**known, "update_own": own})
 
@@ -198,6 +200,18 @@ def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(monkeypatch: 
         robots.take(name, own=False)
     assert robots.turns == [("robot1", False), ("robot2", False)]
     assert robots.take("robot1", own=True)["outcome"]["outcome"] == "updated"
+
+
+@pytest.mark.parametrize("word", ["updated", "failed"])
+def test_what_of_the_fleets_a_later_robot_alone_has_is_changed_in_its_turn(
+    word: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the turn before went well."""
+    robots = Turns(monkeypatch, robot1=word, robot2="updated", robot3="updated")
+    robots.talkers = ("robot2", "robot3")
+    for name in ("robot1", "robot2", "robot3"):
+        robots.take(name, own=False)
+    assert [name for name, _own in robots.turns] == ["robot1", "robot2"][: 2 if word == "updated" else 1]
 
 
 def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
