@@ -15,7 +15,7 @@ Deployment (`_step/record.py`). So a run may end at any line, and the next one g
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ...module_utils._common.errors import FleetError, NotReadyError, SpecError
@@ -182,7 +182,7 @@ class Engine(Hands):
             if result.outcome != UPDATED or change.over:
                 break
             try:
-                self.apply_all(self._leads([step]))
+                self.apply_all(self._leads(self._apps([step])))
             except FleetError as error:
                 self.trouble = error
                 break
@@ -232,7 +232,8 @@ class Engine(Hands):
         # of what is installed the archives alone: the node pulls the rest, all at the same time
         if images or any(step.kind == INSTALL for step in self.plan.steps):
             self.host.bring(sorted(images))
-        services, later = self._lost(), self._leads(gated)
+        others = set() if self.settings.request.shared else self._own(names.FLEET_NAMESPACE)
+        services, later = self._lost(), self._leads(self._apps(gated) | others)
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
         self.apply_all([*(item for item in self.ground if item not in later), *services])
@@ -247,12 +248,15 @@ class Engine(Hands):
 
     def _apps(self, steps: Sequence[Step]) -> set[Key]:
         """Those of these steps. The master and its keeper have Services of their own."""
-        own = {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
-        return {key_of(item) for step in steps for item in step.workloads} & own
+        return {key_of(item) for step in steps for item in step.workloads} & self._own()
 
-    def _leads(self, steps: Sequence[Step]) -> list[Object]:
-        """Of the ground what leads to the ports of these steps' apps, and is there: the old versions' may be others."""
-        apps = self._apps(steps)
+    def _own(self, space: str = "") -> set[Key]:
+        """The robot's apps, or those of them in a namespace."""
+        found = {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
+        return {key for key in found if space in ("", key[0])}
+
+    def _leads(self, apps: Collection[Key]) -> list[Object]:
+        """Of the ground what leads to the ports of these apps, and is there: what runs may have others."""
         there = [(item["kind"], *key_of(item)) for item in [*self.live.services, *self.live.policies]]
         of_apps = [item for item in self.ground if (item["metadata"].get("namespace"), app_of(item)) in apps]
         return [item for item in of_apps if (item["kind"], *key_of(item)) in there]

@@ -269,6 +269,19 @@ def test_the_ports_of_the_version_before_lead_there_until_the_next_one_is_proven
     assert outcome_of(sim, of(image("good"), "b")).outcome == "unchanged"
 
 
+def test_the_ports_of_an_app_of_the_fleet_are_none_of_a_robot_s_own_turn() -> None:
+    def of(*ports: int) -> Robot:
+        named = [{"name": f"p{number}", "port": number} for number in ports]
+        return robot(app("chart", OLD, scope="fleet", ports=named), master={"mode": "shared", "image": OLD})
+
+    sim = Simulation()
+    sim.install(of(80))
+    assert outcome_of(sim, of(80)).outcome == "updated"  # its Service
+    assert outcome_of(sim, of(81), request=Request(shared=False)).outcome == "unchanged"
+    assert outcome_of(sim, of(81), request=Request(own=False)).outcome == "updated"
+    assert [one["port"] for one in sim.objects["Service", "fleet", "chart"]["spec"]["ports"]] == [81]
+
+
 def with_file(content: str) -> Robot:
     files = [{"path": "/etc/sensor.yaml", "content": content}]
     return robot(app("sensor", OLD, placement="local", files=files))
