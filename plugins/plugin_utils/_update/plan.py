@@ -398,10 +398,10 @@ def _with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pl
 
     def goes(item: Object) -> bool:
         app = app_of(item) or files_owner(item)[1]
-        ours = item["metadata"]["namespace"] == robot.namespace and app not in stays
+        ours = item["metadata"]["namespace"] == robot.namespace and app not in stays and key_of(item) != shows
         return ours and (ALL in request.remove or app in request.remove)
 
-    going = [item for item in live.deployments if goes(item) and key_of(item) != shows]
+    going = [item for item in live.deployments if goes(item)]
     if going and ALL in request.remove and not robot.apps:
         raise SpecError(
             f"the inventory has no app for {robot.name}, and update_remove_apps is {ALL}: if it is to have none, name "
