@@ -65,7 +65,8 @@ class ActionModule(GatedAction):
         if params["own"]:
             return self._turn(params, ledger)
         with ledger.alone():  # one robot's turn settles what is the whole fleet's, but for what others alone have
-            if not ledger.fleet_done(of_fleet(robot_from_vars(known))):
+            begun = ledger.last(self._host).get("outcome") == WAITING
+            if begun or not ledger.fleet_done(of_fleet(robot_from_vars(known))):
                 return self._turn(params, ledger)
         return {"changed": False}
 

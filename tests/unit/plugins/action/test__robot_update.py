@@ -214,6 +214,18 @@ def test_what_of_the_fleets_a_later_robot_alone_has_is_changed_in_its_turn(
     assert [name for name, _own in robots.turns] == ["robot1", "robot2"][: 2 if word == "updated" else 1]
 
 
+def test_a_robot_that_was_put_off_in_the_fleets_turn_comes_back_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by a rate that could not be told; nobody else takes the turn meanwhile."""
+    for name in ("_since", "_begun"):
+        monkeypatch.setattr(_robot_update.ActionModule, name, {}, raising=False)
+    robots = Turns(monkeypatch, robot1="waiting", robot2="updated")
+    assert robots.take("robot1", own=False)["waiting"]
+    robots.take("robot2", own=False)
+    robots.words["robot1"] = "updated"
+    assert robots.take("robot1", own=False)["outcome"]["outcome"] == "updated"
+    assert robots.turns == [("robot1", False), ("robot1", False)]
+
+
 def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
     robots = Turns(monkeypatch, robot1="rolled-back")
     robots.take("robot1", own=False)
