@@ -45,7 +45,10 @@ class Listener:
         uris = self._ros.look_up({publisher: None for _topic, publisher in sorted(pairs)})[0]
         unheard = self._streams.keep({(topic, publisher, uris[publisher]) for topic, publisher in pairs})
         for one in self._heard:
-            one.unheard = {key[1]: why for key, why in unheard.items() if key[0] == one.condition.topic}
+            before, topic = one.unheard, one.condition.topic
+            one.unheard = {key[1]: why for key, why in unheard.items() if key[0] == topic}
+            if before:  # what was said until now nobody knows
+                one.since, one.stirred = time.monotonic(), None
         self._await_values()
         with self._lock:
             found = [check_value(graph, one, time.monotonic()) for one in self._heard]

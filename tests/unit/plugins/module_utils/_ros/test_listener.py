@@ -125,6 +125,16 @@ def test_the_dead_are_silent_and_the_hung_may_say_anything(stage: Stage) -> None
     assert "/hung (unknown node [/hung])" in stage.seen(listener)[0][1]
 
 
+def test_no_time_is_quiet_in_which_a_publisher_could_not_be_heard(stage: Stage) -> None:
+    stage.master.uris["/driver"] = f"http://127.0.0.1:{stage.peers.hung()}/"
+    listener = stage.listener(ValueCondition("/battery", quiet=0.3))
+    assert "/driver (no answer from" in stage.seen(listener)[0][1]  # for longer than that
+    stage.start("/driver")
+    ((verdict, reason),) = stage.seen(listener)
+    assert (verdict, reason) == (WAIT, "0.0 s of 0.3 s since it is listened to")
+    until(lambda: stage.seen(listener)[0][0] == PASS)
+
+
 def test_a_definition_that_is_none_is_said(stage: Stage) -> None:
     node = stage.start("/driver", message_definition="Percentage percentage\n")
     listener = stage.listener(FULL)
