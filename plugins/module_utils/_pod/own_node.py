@@ -24,7 +24,7 @@ from .._ros.client import Ros1Client
 from .._ros.graph import Service, StatusReading, host_of, names_of
 from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
-from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
+from .._ros.rpc import Api, Deadline, connect, in_parallel, reason, tell_publishers
 from .params import forget
 from .state import CALLER, TIMEOUT, Settings, State, load_state, ros_of, save_state
 
@@ -206,6 +206,7 @@ class OwnNode:
         """
         body = xmlrpc.client.dumps((CALLER, "stopped by rosops.fleet"), "shutdown").encode()
         with contextlib.suppress(OSError), self._api(seconds) as api:
+            api.http.sock = connect(api.http.host, api.http.port, api.deadline)
             api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
             select.select([api.http.sock], [], [], REPLY)
 

@@ -239,6 +239,20 @@ def test_a_shutdown_of_what_is_gone_is_done(peers: Peers) -> None:
     OwnNode(NODE, f"http://127.0.0.1:{peers.dead()}/", {}, SETTINGS).shut_down()
 
 
+def test_a_shutdown_of_what_takes_no_connection_ends_in_time() -> None:
+    """As of a pod whose host has gone: the kernel alone would try for two minutes."""
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as full, contextlib.ExitStack() as guests:
+        for _guest in range(2):
+            guest = guests.enter_context(socket.socket())
+            guest.setblocking(False)
+            guest.connect_ex(full.getsockname())
+        own = OwnNode(NODE, f"http://127.0.0.1:{full.getsockname()[1]}/", {}, SETTINGS)
+        asked = threading.Thread(target=own.shut_down, args=(0.1,), daemon=True)
+        asked.start()
+        asked.join(5)
+        assert not asked.is_alive()
+
+
 # ---- calls under way
 
 
