@@ -108,8 +108,16 @@ def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[
     here = in_parallel({host: partial(is_here, uri) for host, uri in hosts.items()}, ros.timeout, lambda *_: False)
     found = {name: uri for name, uri in known.items() if here[host_of(uri)]}
     if settings.host_network:  # then the address is that of others, too
-        return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}
+        return {name: uri for name, uri in found.items() if listens_here(port_of(uri))}
     return found
+
+
+def port_of(uri: str) -> int:
+    """The port of a URI; 0 where it has none."""
+    try:
+        return urlsplit(uri).port or 0
+    except ValueError:
+        return 0
 
 
 def listens_here(port: int) -> bool:
@@ -190,7 +198,7 @@ class OwnNode:
 
     def calls(self, seconds: float = TIMEOUT) -> int:
         """Calls of its services that are under way; where the kernel does not tell, all open connections count."""
-        ports = {urlsplit(uri).port or 0 for uri in self.services.values()}
+        ports = {*map(port_of, self.services.values())}
         try:
             return calls_under_way(ports) if ports else 0
         except OSError:  # clients come to the same port as its topics' subscribers
