@@ -78,7 +78,7 @@ class Listener:
         try:
             definition = self._definition(header.get("type", ""), header.get("message_definition", ""))
             message = definition.decode(body)
-        except RosError as error:
+        except (RosError, RecursionError) as error:  # within each other without end
             wrong = str(error)
         with self._lock:
             for one in self._heard:

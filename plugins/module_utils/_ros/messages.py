@@ -33,7 +33,7 @@ HEADER = "std_msgs/Header"
 MOST = 10_000  # values of a message, lists aside: no robot's has as many, and some other might never be read to its end
 CLOSE = 1e-6  # of a number that a message has with 32 bits, to the one that is written in a condition
 _SEPARATOR = re.compile(r"^={80}\nMSG: *", re.MULTILINE)
-_FIELD = re.compile(r"([\w/]+)(\[(\d*)\])?[ \t]+(\w+)[ \t]*\Z", re.ASCII)
+_FIELD = re.compile(r"([\w/]+)(\[(\d{0,9})\])?[ \t]+(\w+)[ \t]*\Z", re.ASCII)
 _STEP = re.compile(r"(\w+)|\[(\d+)\]", re.ASCII)
 
 

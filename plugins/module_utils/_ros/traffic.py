@@ -41,7 +41,7 @@ def has_number(header: Mapping[str, str]) -> bool:
         return False
     try:
         definition = Definition(header.get("type", ""), header.get("message_definition", ""))
-    except RosError:
+    except (RosError, RecursionError):
         return False  # what cannot be read is counted
     fields = definition.types[definition.name]
     return bool(fields) and fields[0].kind == HEADER and not fields[0].is_list

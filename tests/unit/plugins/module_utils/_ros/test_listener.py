@@ -135,13 +135,24 @@ def test_no_time_is_quiet_in_which_a_publisher_could_not_be_heard(stage: Stage) 
     until(lambda: stage.seen(listener)[0][0] == PASS)
 
 
-def test_a_definition_that_is_none_is_said(stage: Stage) -> None:
-    node = stage.start("/driver", message_definition="Percentage percentage\n")
-    listener = stage.listener(FULL)
+DEEP = "".join(f"{'=' * 80}\nMSG: demo/A{number}\nA{number + 1} a\n" for number in range(2000))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Percentage percentage\n", "the definition of demo/Battery does not say what demo/Percentage is"),
+        pytest.param(f"A0 a\n{DEEP}", "maximum recursion depth exceeded", id="deep"),
+    ],
+)
+def test_a_definition_that_is_none_is_said(stage: Stage, text: str, words: str) -> None:
+    """It is no silence, either."""
+    node = stage.start("/driver", message_definition=text)
+    listener = stage.listener(ValueCondition("/battery", quiet=0.001))
     stage.seen(listener)
     node.publish("/battery", struct.pack("<f", 1.0))
     until(lambda: stage.seen(listener)[0][0] == FAIL)
-    assert stage.seen(listener)[0][1] == "the definition of demo/Battery does not say what demo/Percentage is"
+    assert words in stage.seen(listener)[0][1]
 
 
 ANSWERS = {"/may": (204, b""), "/idle?of=arm": (200, b"at rest\nand more"), "/dock": (503, b"it is \x1bdocking")}

@@ -117,6 +117,7 @@ def many(depth: int) -> str:
         (f"T0 again\n{LINE}\nMSG: a/T0\nT0 itself\n", "does not say what a/T0 is"),
         ("float64\n", "a line that makes no sense: 'float64'"),
         ("float64[x] y\n", "makes no sense"),
+        pytest.param(f"float64[{'9' * 5000}] y\n", "makes no sense", id="digits"),  # which Python would not read
         (many(40), "more than 10000 values"),
     ],
 )
