@@ -147,8 +147,8 @@ class Readiness:
                 self.seen.pop(uid, None)
         for event in self.cluster.watch_pods(self.namespace, version):
             pod = event.get("object") or {}
-            if event.get("type") == "ERROR":  # that version is too old by now
-                return ""
+            if event.get("type") == "ERROR":  # mostly: that version is too old by now
+                raise ApiError(str(pod.get("message") or "the watch failed"), pod.get("code") or 0)
             version = str((pod.get("metadata") or {}).get("resourceVersion") or version)
             if event.get("type") == "DELETED":
                 self.pods.pop(pod["metadata"]["uid"], None)

@@ -481,8 +481,10 @@ def test_it_follows_what_happens(scene: Scene) -> None:
     scene.gates.seen["gone"] = cast("readiness.OwnNode", None)  # while nobody told of it
     assert scene.gates.follow("") == "9"
     assert (list(scene.gates.pods), list(scene.gates.seen)) == (["new"], ["new"])
-    scene.api.events = [event("ERROR", "")]
-    assert scene.gates.follow("9") == ""
+    scene.api.events = [{"type": "ERROR", "object": {"message": "etcd is away", "code": 500}}]
+    with pytest.raises(ApiError, match="etcd is away") as error:  # so there is a pause before it is asked again
+        scene.gates.follow("9")
+    assert error.value.status == 500
 
 
 def test_an_api_that_is_away_is_told_of_once(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
