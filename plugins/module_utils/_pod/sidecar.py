@@ -74,13 +74,14 @@ def serve(listener: socket.socket, known: Mapping[str, list[str]]) -> None:
             bury(at_work)
             if len(at_work) >= AT_ONCE or list(at_work.values()).count(address) >= OF_ONE:
                 continue
-            process = os.fork()
-            if process == 0:
-                try:
-                    respond(connection, known)
-                finally:
-                    os._exit(0)
-            at_work[process] = address
+            with contextlib.suppress(OSError):  # the pod has all the processes that it may: it is asked again
+                process = os.fork()
+                if process == 0:
+                    try:
+                        respond(connection, known)
+                    finally:
+                        os._exit(0)
+                at_work[process] = address
 
 
 def main(words: list[str]) -> int:

@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import MagicMock, Mock
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import sidecar
@@ -99,6 +100,15 @@ def test_who_asks_for_too_much_is_hung_up_on(port: int) -> None:
     until(lambda: answers(port))
     for one in silent:
         one.close()
+
+
+def test_a_pod_without_room_for_a_process_keeps_its_sidecar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stop or a start that is under way would end with it."""
+    fork, asked = Mock(side_effect=[BlockingIOError, 7]), (MagicMock(), ("127.0.0.1", 1))
+    monkeypatch.setattr(sidecar.os, "fork", fork)
+    with pytest.raises(KeyboardInterrupt):
+        sidecar.serve(Mock(accept=Mock(side_effect=[asked, asked, KeyboardInterrupt])), {})
+    assert fork.call_count == 2
 
 
 def answers(port: int) -> bool:
