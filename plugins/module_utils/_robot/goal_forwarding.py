@@ -351,6 +351,7 @@ class GoalForwarding:
 
     def hold(self, action: str, server: str, seconds: float) -> list[Any]:
         """Keep the goals of `action` until a server that is not the present `server` is up; how many clients."""
+        action = str(action)  # a key of what is answered, whatever somebody has said
         try:
             old_uri = self.ros.addresses([server])[0].get(server, "")
         except RosError as error:

@@ -307,6 +307,12 @@ def test_no_master_to_ask_who_the_server_is(stage: Stage) -> None:
     assert (code, "the ROS master does not answer" in why, stage.keeper.state()[2]) == (0, True, {})
 
 
+def test_who_holds_what_has_no_name_keeps_nobody_from_seeing_what_is_held(stage: Stage) -> None:
+    keeper = KeeperCalls(stage.nodes[-1].uri, "/us")
+    keeper.hold(5, SERVER, 60.0)  # type: ignore[arg-type] # as anybody may say
+    assert keeper.held().keys() <= {"5"}
+
+
 def test_switched_off_it_says_so_and_takes_nobodys_name(stage: Stage) -> None:
     node = Slave(KEEPER, "127.0.0.1", 0, stage.master.uri)
     stage.nodes.append(node)
