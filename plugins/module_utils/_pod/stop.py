@@ -151,7 +151,7 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, clock: Time) -> list[str]
         seconds = clock.left(clock.late) / 2
         # at every look: the master tells the server of each new client
         cut = clock.together([partial(node.isolate, action, seconds) for node, action in held], seconds)
-        uncut.update({action: word for (_node, action), word in zip(held, cut) if word})
+        uncut.update({action: word for (_node, action), word in zip(held, cut)})
         tasks = [partial(node.status, action) for node, action in actions]
         read = clock.each(tasks, clock.late, lambda error: StatusReading(error=why(error)))
         looks = [(action, *idle(NodeKey(node.name), status)) for (node, action), status in zip(actions, read)]
@@ -160,7 +160,7 @@ def drain(nodes: Sequence[OwnNode], hold: Hold | None, clock: Time) -> list[str]
 
     # Twice: a look may begin with a status from before the isolation, and a goal on its way stands in none yet.
     ended = clock.until_quiet(probe, 0.1, consecutive=2)
-    remarks += [f"clients of {action} were not cut off from it: {word}" for action, word in uncut.items()]
+    remarks += [f"clients of {action} were not cut off from it: {word}" for action, word in uncut.items() if word]
     if ended.verdict != PASS:
         said = "; ".join(ended.last) or "idle once only"
         remarks.append(f"stopped with open goals after {ended.elapsed:.0f} s: {said}")

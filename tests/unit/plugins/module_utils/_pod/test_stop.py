@@ -161,6 +161,12 @@ def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
 
 
+def test_a_server_that_is_cut_off_late_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    node = Node({"/move": [IDLE]})
+    monkeypatch.setattr(node, "isolate", Mock(side_effect=[OSError("it is busy"), None, None]))
+    assert stop(node, held(node)) == []
+
+
 @pytest.mark.parametrize(
     ("hold", "remark"),
     [
