@@ -119,7 +119,8 @@ class Space:
     def left(self, keep: Iterable[str]) -> Values:
         """Name -> value of what stays when this version ends: what none has taken over that is at work."""
         claims = [value_at(self.tree, f"{name}{_PLACE}/{_NAMES}") for name in self.at_work]
-        taken = [full(name, "") for claim in claims if isinstance(claim, list) for name in claim]
+        names = [name for claim in claims if isinstance(claim, list) for name in claim]
+        taken = [full(name, "") for name in names if isinstance(name, str)]
         found = {}
         for name in keep:
             value = value_at(self.tree, full(name, self.own))

@@ -87,6 +87,7 @@ def test_what_is_taken_away(keep: list[str], source: Source, spent: list[str]) -
         (["~rate", "~pid/p"], {THREE: ["~pid"]}, {"rate": 5}),
         (["~rate", "~pid"], {ONE: ["~rate"], THREE: ["~pid"]}, {}),
         (["~rate"], {THREE: "nonsense"}, {"rate": 5}),
+        (["~rate"], {THREE: [5, ["~rate"]]}, {"rate": 5}),
         (["~rate"], {f"{THREE} ended": ["~rate"]}, {"rate": 5}),
     ],
 )
