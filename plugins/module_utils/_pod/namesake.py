@@ -60,7 +60,7 @@ def outlasts(host: str, port: int) -> bool:
     """Whether somebody listens there; returns when that process ends, or is to be looked up again."""
     try:
         line = socket.create_connection((host, port), ATTEMPT)  # where it takes longer the pod has gone
-    except OSError:
+    except (OSError, UnicodeError):  # the latter: a host that no name can have
         return False
     with line, contextlib.suppress(OSError):
         line.settimeout(LOOK)

@@ -72,6 +72,7 @@ def test_one_that_hangs_up_and_lives_is_waited_for_still(master: Master) -> None
 def test_the_name_of_a_dead_one_is_free(master: Master) -> None:
     registered(master).close()
     assert Waiting(master.address).over(5)
+    assert not namesake.outlasts("a..b", 1)  # whatever somebody has registered
 
 
 def test_the_containers_own_last_life_is_nobody(master: Master) -> None:
