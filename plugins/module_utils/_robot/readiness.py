@@ -186,7 +186,7 @@ class Readiness:
             else:
                 self._prove(uid, work, since)
         except Exception as error:  # one pod's trouble is no other's
-            if not isinstance(error, ApiError):  # the watch tells of an API that is away
+            if uid in self.pods and not isinstance(error, ApiError):  # the watch tells of an API that is away
                 self.log(f"{self.namespace}: pod {uid}: {type(error).__name__}: {error}")
             self.sleep(AGAIN)
         else:

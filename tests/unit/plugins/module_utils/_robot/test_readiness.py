@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import count, pairwise
 from threading import BoundedSemaphore
@@ -354,6 +354,16 @@ def test_an_api_that_refuses(scene: Scene, status: int, again: bool) -> None:
     scene.when = [(3.0, lambda: setattr(scene.api, "refuses", 0))]
     scene.gates.take(pod())
     assert bool(scene.api.conditions) == again
+
+
+@pytest.mark.parametrize("ends", [False, True])
+def test_a_pod_that_has_gone_before_its_turn_is_nobodys_trouble(scene: Scene, ends: bool) -> None:
+    works: list[Callable[[], None]] = []
+    scene.gates.start = works.append  # type: ignore[method-assign]
+    scene.gates.take(pod(ends=ends))
+    scene.gates.pods.clear()
+    works[0]()
+    assert (scene.log, scene.gates.at_work) == ([], set())
 
 
 def test_what_the_old_pod_has_latched_is_kept_before_the_new_one_is_ready(scene: Scene) -> None:
