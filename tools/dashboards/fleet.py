@@ -71,7 +71,7 @@ def fleet() -> Json:
                 "Robots away",
                 "none",
                 query(f"count({KNOWN} unless {ANSWER} == 1) or vector(0)"),
-                about="Heard of within the last 6 hours.",
+                about="A hub forgets a robot after 6 hours of silence.",
                 steps=RED_ABOVE,
             ),
             stat(
