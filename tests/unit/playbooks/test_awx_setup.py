@@ -30,7 +30,7 @@ PLAYBOOK = CHECKOUT / "playbooks" / "awx_setup.yml"
 SAID = {
     "awx_project_url": "https://git.example.org/fleet.git",
     "awx_execution_environment_image": "registry.example.org/ee:1",
-    "awx_canary": "robot1",
+    "awx_canary": "robot1,robot2",
     "awx_timezone": "Europe/Prague",
     "awx_vault_password": "hush-vault",
     "awx_update_answers": {"update_on_busy": "defer"},
@@ -116,7 +116,7 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     place = "workflow_job_template_nodes/{}/success_nodes"
     then = {name: awx.associated.get(place.format(one["id"])) for name, one in nodes.items()}
     assert then == {"canary": [nodes["approval"]["id"]], "approval": [nodes["others"]["id"]], "others": None}
-    assert nodes["canary"]["limit"] == "edge:robot1"
+    assert nodes["canary"]["limit"] == "edge:robot1:robot2"
     surveys = {awx.of("job_templates", name)["survey_enabled"] for name in ("fleet status", "fleet validate")}
     assert (surveys, site["survey_enabled"], workflow["survey_enabled"]) == ({False}, True, True)
     assert awx.of("schedules", "fleet update at night")["rrule"].startswith(
