@@ -77,7 +77,10 @@ class ActionModule(GatedAction):
             found |= {name.removeprefix(f"{role}_"): said for name, said in given.items()}
         for name in ("apps", "remove_apps"):  # also as a survey's answer
             found[name] = listed(self._templar.template(known.get(f"update_{name}")))
-        return {**found, "to": found["to"] or ("previous" if found["back"] else "")}
+        to = found["to"] or ("previous" if found["back"] else "")
+        if isinstance(known.get("update_to"), int) and to.isdigit() and len(to) < 8:
+            to = f"{int(to):08o}"  # eight digits of a survey that begin with 0 are an octal number to YAML
+        return {**found, "to": to}
 
     def _turn(self, params: Arguments, ledger: Ledger) -> Result:
         known, before = self._vars, ledger.last(self._host)

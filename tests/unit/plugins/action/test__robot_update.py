@@ -246,7 +246,12 @@ def test_a_robot_that_was_waited_for_has_begun(monkeypatch: pytest.MonkeyPatch, 
 
 @pytest.mark.parametrize(
     ("said", "to"),
-    [({}, ""), ({"update_back": True}, "previous"), ({"update_back": True, "update_to": 12345678}, "12345678")],
+    [
+        ({}, ""),
+        ({"update_back": True}, "previous"),
+        ({"update_back": True, "update_to": 12345678}, "12345678"),
+        ({"update_back": True, "update_to": 0o1234567}, "01234567"),
+    ],
 )
 def test_what_is_asked_for_is_what_the_variables_say(
     monkeypatch: pytest.MonkeyPatch, said: dict[str, Any], to: str
