@@ -20,7 +20,8 @@ description:
     M(ansible.builtin.set_fact) of C(fleet_outcome), a word or C({outcome, reason, steps}). A failure outweighs it,
     unless the word itself is one of C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
   - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails, or
-    does not reach its host, ends the run for all hosts of its play whose batch is not over, so these are C(failed).
+    does not reach its host, ends the run for all hosts of its play whose batch is not over, so these are C(failed). So
+    does a play's C(max_fail_percentage).
   - Where nothing is printed for 15 seconds, says which task goes on, and of an update where it stands, as tools that
     run playbooks (AWX) may end a silent one.
   - Results under C(no_log) are neither printed nor written.
@@ -171,6 +172,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     def v2_runner_on_unreachable(self, result: Any) -> None:
         self.report.unreachable(*self._ended(result))
+
+    def v2_playbook_on_no_hosts_remaining(self) -> None:
+        self.report.too_many_failed()
 
     # --- the report -------------------------------------------------------------------------------------------------
 

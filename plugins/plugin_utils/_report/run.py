@@ -182,18 +182,25 @@ class RunReport:
         name = task.name if task and task.action != "_leave" else ""
         own = self.host(host)
         own.failure, own.failed_task = results.message_of(result), name
-        self._ends_for_all(task, host, "failed on")
+        if task and task.for_all:
+            self._ends_for_all(host, f"{task.name} failed on {host} for all hosts")
 
     def unreachable(self, key: str, host: str, result: Result, now: float) -> None:
         task = self.ran(key, host, now)
         self.host(host).unreachable = results.message_of(result)
-        self._ends_for_all(task, host, "did not reach")
+        if task and task.for_all:
+            self._ends_for_all(host, f"{task.name} did not reach {host} for all hosts")
 
-    def _ends_for_all(self, task: Task | None, host: str, how: str) -> None:
-        if task and task.for_all and self._plays:
-            for other in self._plays[-1].hosts:
-                if other not in (host, *self._plays[-1].over):
-                    self.host(other).blocked.append((host, f"not carried on: {task.name} {how} {host} for all hosts"))
+    def too_many_failed(self) -> None:
+        """Ansible ends the play for all hosts."""
+        for host in [name for play in self._plays[-1:] for name in play.hosts if self.host(name).failure]:
+            self._ends_for_all(host, f"more hosts failed than max_fail_percentage allows, {host} is one of them")
+
+    def _ends_for_all(self, host: str, why: str) -> None:
+        for play in self._plays[-1:]:
+            for other in play.hosts:
+                if other not in (host, *play.over):
+                    self.host(other).blocked.append((host, f"not carried on: {why}"))
 
     def cut_short(self, stats: Mapping[str, Counts]) -> None:
         """All hosts of a play failed, and Ansible begins no further one: so much of the hosts that those were for."""

@@ -101,6 +101,14 @@ def test_a_run_once_failure_ends_the_run_for_all() -> None:
     assert report.so_far().lost["robot2"]["reason"] == why
 
 
+def test_more_failures_than_a_play_allows_end_the_run_for_all() -> None:
+    report = started("robot1", "robot2")
+    report.failed("t1", "robot1", {"msg": "bad input"}, 2.0)
+    report.too_many_failed()
+    why = "not carried on: more hosts failed than max_fail_percentage allows, robot1 is one of them"
+    assert outcome(report, "robot2", robot1=FAILED, robot2=OK) == ("failed", why)
+
+
 def test_hosts_of_an_earlier_batch_are_through() -> None:
     hosts = ("robot1", "robot2", "robot3")
     report = RunReport(0.0)
