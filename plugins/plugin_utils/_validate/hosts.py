@@ -20,6 +20,7 @@ IMPLICIT_HOST = "localhost"
 SERVER_COUNTS = (1, 3)
 PORTS = ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port")
 LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
+SLOWEST_SCRAPE = 20  # seconds, that rules/recording.yml counts on
 DAY = 86400
 _SECONDS = {"ms": 0.001, "s": 1, "m": 60, "h": 3600, "d": DAY, "w": 7 * DAY, "y": 365 * DAY}
 
@@ -38,6 +39,10 @@ def host_problems(there: Inventory) -> Iterator[Problem]:
 def host_warnings(there: Inventory) -> Iterator[Problem]:
     """What is open of the clusters that are watched."""
     for path, given, _alone in _watched(there):
+        interval = str((given["observability"].get("prometheus") or {}).get("scrape_interval") or "")
+        if seconds(interval) > SLOWEST_SCRAPE:
+            told = f"is {interval}: the alerts RosTopicRateDrop and RosTopicSilent never come"
+            yield Problem(f"{path}.observability.prometheus.scrape_interval", told, f"at most {SLOWEST_SCRAPE}s")
         profile, place = given.get("observability_profile"), f"{path}.observability_tls_secret_name"
         if given.get("observability_tls_secret_name"):
             continue

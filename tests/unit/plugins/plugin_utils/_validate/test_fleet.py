@@ -175,6 +175,9 @@ BATTERY = {"update_when": [{"topic": "/battery", "field": "percentage", "above":
          ["robot.observability_tls_secret_name: is empty: the hub is shown no certificate, and has to have one of a "
           "public authority"]),
         ({"edge": OBSERVED, "robot": {**REPORTS, **HTTP}}, []),
+        ({"edge": {"observability": {"enabled": True, "prometheus": {"scrape_interval": "1m"}}}},
+         ["edge.observability.prometheus.scrape_interval: is 1m: the alerts RosTopicRateDrop and RosTopicSilent never "
+          "come; allowed: at most 20s"]),
         ({"edge": {**HUB, **CERTIFIED}, "robot": {**REPORTS, **HTTPS, **CERTIFIED}}, []),
     ],
 )  # fmt: skip
