@@ -80,14 +80,19 @@ def kubeconfig_head(source: str, server: str, cluster: str) -> str:
 
 def is_foreign(path: str) -> bool:
     """Whether the file is there and somebody else's: it is used, and not written over."""
-    return not (first_line(path) or HEAD).startswith(HEAD)
+    return not (_begin(path) or HEAD).startswith(HEAD)
 
 
 def first_line(path: str) -> str:
     """Empty where there is no such file."""
+    return _begin(path).rstrip("\n")
+
+
+def _begin(path: str) -> str:
+    """Its first line with the end of that: one of somebody's may be empty."""
     try:
         with Path(path).open(encoding="utf-8", errors="replace") as file:
-            return file.readline().rstrip("\n")
+            return file.readline()
     except OSError:
         return ""
 

@@ -135,8 +135,9 @@ def test_it_is_kept_for_its_owner_only_and_written_once(tmp_path: Path) -> None:
     assert is_foreign(str(path)) and not is_foreign(str(tmp_path / "none"))
     path.chmod(0o644)
     assert keep(str(path), "# head\na: 1\n")
-    path.write_bytes(b"# \xe9\n")  # somebody's, of another encoding
-    assert is_foreign(str(path)) and keep(str(path), "# head\na: 1\n")
+    for theirs in (b"# \xe9\n", b"\napiVersion: v1\n"):  # somebody's, of another encoding, or with an empty line first
+        path.write_bytes(theirs)
+        assert is_foreign(str(path)) and keep(str(path), "# head\na: 1\n")
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
