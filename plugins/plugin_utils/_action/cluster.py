@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -138,11 +139,11 @@ class ClusterAction(FleetAction):
         said = f"{found.get('stdout') or ''}{found.get('stderr') or ''}"
         if found.get("unreachable"):
             raise ServersAwayError(" ".join(str(found.get("msg") or "unreachable").split()))
-        if "No such file" in said:
-            raise NoClusterError(f"it has no {KUBECONFIG}")
-        # a shell may say something before, and ssh something after it
+        # a shell may say something before, and ssh something after it: of files that are not there, too
         text, end, _after = said.partition(BEGIN)[2].partition(END)
         if not end or "apiVersion:" not in text:
+            if re.search(rf"{KUBECONFIG}'?: No such file", said):
+                raise NoClusterError(f"it has no {KUBECONFIG}")
             why = " ".join(f"{found.get('msg') or ''} {said}".replace(BEGIN, "").replace(END, "").split())
             raise KubeError(f"{KUBECONFIG} cannot be read there: {why[:300]}")
         return text

@@ -101,7 +101,8 @@ def kubeconfig(server: Server, key: str = "t") -> dict[str, Any]:
 
 def admin(server: Server, key: str = "t") -> dict[str, Any]:
     text = yaml.safe_dump(kubeconfig(server, key))
-    said = f"Welcome to edge1\nrosops-fleet-begin\n{text}rosops-fleet-end\n".replace("\n", "\r\n")
+    noise = "bash: /opt/ros/noetic/setup.bash: No such file or directory"
+    said = f"{noise}\nrosops-fleet-begin\n{text}rosops-fleet-end\n".replace("\n", "\r\n")
     return {"stdout": said, "stderr": "Shared connection to edge1 closed.\r\n", "rc": 0}
 
 
@@ -246,7 +247,8 @@ def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.Monk
 
 
 def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    serve(monkeypatch, lambda _host: {"failed": True, "rc": 1, "msg": "Missing sudo password"})
+    noise = "bash: .profile: No such file or directory"  # another one than that which is looked for
+    serve(monkeypatch, lambda _host: {"failed": True, "rc": 1, "msg": "Missing sudo password", "stderr": noise})
     failed = run(_robot_update, {}, inventory(**part("namespace")), check_mode=True)
     assert failed["failed"]
     assert "edge1: /etc/rancher/k3s/k3s.yaml cannot be read there: Missing sudo password" in failed["msg"]
