@@ -142,7 +142,7 @@ class ApiConnection:
         if content:
             headers["Content-Type"] = content
         for setting in self._access.configuration.auth_settings().values():
-            headers[setting["key"]] = setting["value"]
+            headers[setting["key"]] = setting["value"].strip()  # a file of a token ends with a line end
         for name, value in (*self._access.headers, *self._in_the_name_of):
             headers.add(name, value)
         return headers
@@ -165,6 +165,8 @@ class ApiConnection:
             answer = self._pool.request(method, url, body=data, **how)
         except BROKEN as exc:
             raise self._unreachable(exc) from exc
+        except ValueError:  # whose words repeat it
+            raise ApiError(f"The credentials from {self._access.source} have characters that no header has.") from None
         if not 200 <= answer.status < 300:
             raise self._refused(answer, path if method == "GET" else f"{method} {path}")
         return answer
@@ -186,6 +188,8 @@ class ApiConnection:
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
             todo = "Its namespace has to be applied first"
+        if status == 403 and message and " cannot " not in message:
+            todo = ""  # these are no rights: a quota, a webhook, a namespace that goes
         text = f"The Kubernetes API at {self.host} answered {status} for {what}" + (f": {message}" if message else "")
         text = ". ".join(part.rstrip(".") for part in (text, todo) if part)
         return ApiError(f"{text}.", status, transient=status in (410, 429) or status >= 500)

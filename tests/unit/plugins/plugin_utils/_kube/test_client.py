@@ -39,7 +39,7 @@ NAMESPACE = {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": "robo
 def test_lists_with_selectors_and_impersonation(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("K8S_AUTH_IMPERSONATE_USER", "u")
     server.lists[DEPLOYMENTS] = [obj("Deployment", "a"), obj("Deployment", "b")]
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
+    with Kube({"host": server.url, "api_key": "t\n"}) as kube:  # as a file has it
         assert kube.objects("Deployment", "robot-robot1", labels="a=b") == server.lists[DEPLOYMENTS]
     path, query, headers = server.seen()
     assert (path, query) == (DEPLOYMENTS, {"labelSelector": "a=b"})
@@ -48,7 +48,7 @@ def test_lists_with_selectors_and_impersonation(server: Server, monkeypatch: pyt
 
 @pytest.mark.parametrize(("status", "words", "transient"), [
     (422, "that field cannot be changed", False), (401, "refuses the credentials", False),
-    (403, "lack that permission", False), (404, "Is that address a Kubernetes API", False), (429, "slow down", True),
+    (404, "Is that address a Kubernetes API", False), (429, "slow down", True),
     (503, "slow down", True),
 ])  # fmt: skip
 def test_refusals(server: Server, kube: Kube, status: int, words: str, transient: bool) -> None:
@@ -59,6 +59,25 @@ def test_refusals(server: Server, kube: Kube, status: int, words: str, transient
     assert "secret-token" not in str(error.value)
     assert (error.value.status, error.value.transient) == (status, transient)
     assert ("It was tried" in str(error.value)) is transient
+
+
+@pytest.mark.parametrize(("why", "told"), [
+    ('nodes is forbidden: User "u" cannot list resource "nodes"', '"nodes". These credentials lack that permission.'),
+    ("unable to create new content in namespace a because it is being terminated", "is being terminated."),
+])  # fmt: skip
+def test_who_is_refused_for_other_reasons_than_rights_is_not_told_to_lack_them(
+    server: Server, kube: Kube, why: str, told: str
+) -> None:
+    server.refusals += [(403, why)]
+    with pytest.raises(ApiError) as error:
+        kube.objects("Node")
+    assert str(error.value).endswith(told)
+
+
+def test_a_token_that_no_header_has_is_not_repeated(server: Server) -> None:
+    with Kube({"host": server.url, "api_key": "my\nsecret"}) as kube, pytest.raises(ApiError) as error:
+        kube.get(Ref("Node", "a", "", "v1"))
+    assert "The credentials from the task's options" in str(error.value) and "secret" not in str(error.value)
 
 
 def test_nothing_listens() -> None:
