@@ -88,15 +88,15 @@ def _live(server: socket.socket, directory: Path, run_lives: Callable[[], bool],
                 os.dup2(nothing.fileno(), number)
         for ending in (signal.SIGINT, signal.SIGTERM):
             signal.signal(ending, signal.SIG_IGN)  # the worker's own way to end is not this process'
-        turns = Turns(server)
-        try:
-            with cancellable(run_lives):
+        with cancellable(run_lives):  # also while nobody has called yet: the worker may have been killed before it did
+            turns = Turns(server)
+            try:
                 told = work(turns)
-        except Exception:  # whatever it was, the task that waits has to hear of it
-            told = {"error": traceback.format_exc()}
+            except Exception:  # whatever it was, the task that waits has to hear of it
+                told = {"error": traceback.format_exc()}
         turns.tell(told)
-        shutil.rmtree(directory, ignore_errors=True)
     finally:
+        shutil.rmtree(directory, ignore_errors=True)
         os._exit(0)  # nothing of the worker's is this process' to tidy up
 
 

@@ -59,7 +59,11 @@ RUN = """
 import os, sys
 from pathlib import Path
 sys.path[:0] = {paths!r}
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import begin
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import aside
+
+def killed(line):
+    Path("line").write_text(line)
+    os._exit(0)
 
 def work(turns):
     Path("process").write_text(str(os.getpid()))
@@ -71,7 +75,9 @@ def work(turns):
     return {{}}
 
 if os.fork() == 0:  # a task's worker, as Ansible has it
-    begin(work)
+    if {killed}:  # before it calls
+        aside.come_back = killed
+    aside.begin(work)
     os._exit(0)
 os.wait()
 Path("task").write_text("has ended")
@@ -81,7 +87,7 @@ sys.stdin.read()  # the run goes on, until it is killed
 
 def test_it_outlives_its_task_and_ends_with_the_run(tmp_path: Path) -> None:
     program, ended = tmp_path / "run.py", tmp_path / "ended"
-    program.write_text(RUN.format(paths=sys.path))
+    program.write_text(RUN.format(paths=sys.path, killed=False))
     with subprocess.Popen([sys.executable, str(program)], cwd=tmp_path, stdin=subprocess.PIPE) as run:  # noqa: S603
         until((tmp_path / "task").exists)
         assert started(int((tmp_path / "process").read_text()))
@@ -90,3 +96,14 @@ def test_it_outlives_its_task_and_ends_with_the_run(tmp_path: Path) -> None:
         # nobody has waited for the run yet, as where a container's first process does not
         until(lambda: ended.exists() and ended.read_text())
     assert ended.read_text() == "the run was cancelled"
+
+
+def test_a_worker_that_is_killed_before_it_calls_leaves_nothing_behind_its_run(tmp_path: Path) -> None:
+    program = tmp_path / "run.py"
+    program.write_text(RUN.format(paths=sys.path, killed=True))
+    with subprocess.Popen([sys.executable, str(program)], cwd=tmp_path, stdin=subprocess.PIPE) as run:  # noqa: S603
+        until((tmp_path / "task").exists)
+        directory = Path((tmp_path / "line").read_text()).parent
+        assert directory.exists()
+        run.kill()
+        until(lambda: not directory.exists())
