@@ -21,6 +21,7 @@ LABEL_PLACEMENT = "deploymentType"
 # there for versions of 1.0 and for users' own pods.
 NODE_ROBOT = "node-restriction.kubernetes.io/rosops-robot"
 NODE_PLACEMENT = "node-restriction.kubernetes.io/rosops-placement"
+NODE_TAINTS = "node-restriction.kubernetes.io/rosops-taints"
 LABEL_HOST_ACCESS = "rosops.fleet/edge-host-access"  # on a namespace: its pods may have hosts that are not its robot's
 LABEL_FILES = "rosops.fleet/files"  # on a ConfigMap of an app's files: the app. No version changes it
 LABEL_KEPT = words.KEPT

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from hashlib import sha256
 
 from ...module_utils._common.documents import json_of
 from ...module_utils._step.objects import Object
@@ -12,8 +13,9 @@ from .._model import names
 from .common import made
 
 # spec.taints is one atomic list that Kubernetes writes to as well (not-ready, unreachable, pressure), so it cannot be
-# applied as a whole. An annotation says which of the taints are ours.
-TAINTS_ANNOTATION = "rosops.fleet/taints"
+# applied as a whole. An annotation says which of the taints are ours, and a label that no kubelet can set that this is
+# our word: a kubelet may annotate its own node, and would so have taints of others taken off.
+TAINTS_ANNOTATION, TAINTS_LABEL = "rosops.fleet/taints", names.NODE_TAINTS
 
 
 def node_object(name: str, placement: str, robot: str, labels: Mapping[str, str]) -> Object:
@@ -32,11 +34,12 @@ def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     wanted = [{key: value for key, value in taint.items() if value not in ("", None)} for taint in taints]
     there = list((node.get("spec") or {}).get("taints") or [])
     same = [*map(_whole, wanted)]
-    try:
-        recorded = json_of((node["metadata"].get("annotations") or {}).get(TAINTS_ANNOTATION) or "[]")
-        ours = [*map(_whole, recorded)]
-    except (ValueError, TypeError, LookupError):  # a node's own kubelet may write there what it likes
-        recorded, ours = None, []
+    said, proof = (
+        (node["metadata"].get(kind) or {}).get(name, "")
+        for kind, name in (("annotations", TAINTS_ANNOTATION), ("labels", TAINTS_LABEL))
+    )
+    recorded = json_of(said or "[]") if proof == _proof(said) else None
+    ours = [*map(_whole, recorded or ())]
     others = {*map(_whole, there)} - {*ours}
     free = {one for one in others if one[::2] not in [place[::2] for place in same]}  # by key and effect
     kept = [taint for taint in there if _whole(taint) in {*same, *free}]
@@ -44,12 +47,18 @@ def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     after = [*kept, *(taint for taint in wanted if _whole(taint) not in has)]
     if after == there and recorded == wanted:
         return None
-    annotation = json.dumps(wanted) if wanted else None
+    text = json.dumps(wanted) if wanted else ""
+    notes, labels = {TAINTS_ANNOTATION: text or None}, {TAINTS_LABEL: _proof(text) or None}
     version = node["metadata"]["resourceVersion"]
     return {
-        "metadata": {"resourceVersion": version, "annotations": {TAINTS_ANNOTATION: annotation}},
+        "metadata": {"resourceVersion": version, "annotations": notes, "labels": labels},
         "spec": {"taints": after or None},
     }
+
+
+def _proof(text: str) -> str:
+    """Of an annotation that we wrote, as a label's value has room for it."""
+    return sha256(text.encode()).hexdigest()[:32] if text else ""
 
 
 def evicting(node: Object, taints: Sequence[Object]) -> list[Object]:
