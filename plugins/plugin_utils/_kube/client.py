@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from ...module_utils._host.k3s import without_secrets
-from ...module_utils._step.objects import Object, is_in
+from ...module_utils._step.objects import Object, is_in, is_terminating
 from ...module_utils._step.words import MANAGER
 from .._model.secrets import secrets_in, without
 from .applied import HIDDEN, Applied, Fields, applied, foreign_fields, taken_over, without_fields
@@ -126,7 +126,9 @@ class Kube(ApiConnection):
         options |= {"gracePeriodSeconds": 0} if at_once else {}
         for ref in refs:
             before, after = self.get(ref), None
-            if before is not None:
+            if before is not None and is_terminating(before) and not at_once:
+                after = before  # a finalizer holds it: to ask again does nothing
+            elif before is not None:
                 body = {**options, **({"preconditions": {"uid": ref.uid}} if ref.uid else {})}
                 try:
                     self._object("DELETE", ref.path, {}, body, JSON)

@@ -292,6 +292,8 @@ def test_delete(server: Server, kube: Kube) -> None:
     assert [(one.changed, one.after) for one in kube.delete([ref], dry_run=True)] == [(True, None)]
     assert not kube.delete([replace(ref, uid="uid-of-a-namesake")])[0].changed
     assert kube.get(ref) is not None
+    server.put(f"{NAMESPACES}/robot-robot1/configmaps/held", {"metadata": {"name": "held", "deletionTimestamp": "t"}})
+    assert not kube.delete([replace(ref, name="held")])[0].changed  # by somebody's finalizer
     again = [ref, Ref("ConfigMap", "two", "robot-robot1")]
     assert [one.changed for one in kube.delete(again, at_once=True)] == [True, False]
     assert kube.get(ref) is None
