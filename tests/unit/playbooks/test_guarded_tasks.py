@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import threading
 import time
@@ -10,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
+import yaml
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, Control, ended, started
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 NODE, BEAT = "/api/v1/nodes/robot{}", "/apis/coordination.k8s.io/v1/namespaces/kube-node-lease/leases/robot{}"
@@ -96,3 +98,27 @@ def test_without_a_way_back_what_was_done_stays_and_what_a_task_hides_stays_hidd
     assert "hush-hush" not in (control.folder / "report.json").read_text()
     ours = [line for line in run.stdout.splitlines() if "[ERROR]: Task failed" not in line]  # that one is Ansible's own
     assert "hush-hush" not in "".join(ours)
+
+
+WAITS = "inventory_hostname == 'robot1' and looks | default(0) | int < 2"
+
+
+def test_a_robot_at_rest_has_its_turn_before_one_that_works_is_looked_at_again(tmp_path: Path) -> None:
+    """Its goals are held meanwhile. The role's own tasks run here, with an answer in the place of the look."""
+    look, *rest = yaml.safe_load((CHECKOUT / "roles/guarded/tasks/main.yml").read_text("utf-8"))
+    facts = {
+        "looks": "{{ looks | default(0) | int + 1 }}",
+        "update_result": f"{{{{ {{'waiting': true}} if {WAITS} else {{'turn': 'make'}} }}}}",
+    }
+    role = tmp_path / "roles/guarded/tasks"
+    role.mkdir(parents=True)
+    (role / "main.yml").write_text(yaml.safe_dump([{"name": look["name"], "ansible.builtin.set_fact": facts}, *rest]))
+    (role / "turn.yml").write_text(
+        "- {name: Do it, ansible.builtin.debug: {msg: 'turn of {{ inventory_hostname }}'}}\n"
+        "- ansible.builtin.set_fact: {update_result: {}}\n"
+    )
+    variables = {"guarded_tasks": "tasks.yml", "guarded_undo": ""}
+    roles = [{"hosts": "all", "gather_facts": False, "vars": variables, "roles": ["guarded"]}]
+    (tmp_path / "play.yml").write_text(yaml.safe_dump(roles))
+    run = ended(started(tmp_path, "robot1,robot2,", "play.yml", "-c", "local"))
+    assert re.findall(r"turn of (\w+)", run.stdout) == ["robot2", "robot1"], run.stdout
