@@ -45,10 +45,10 @@ class Kube(ApiConnection):
             raise
 
     def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str:
-        """The last lines of a container's log, for a message: without what looks like a secret."""
+        """The last lines of a container's log, for a message: without what looks like a secret. Tried once."""
         query: Query = {"container": container, "tailLines": lines, "previous": str(previous).lower()}
         path = f"{Ref('Pod', pod, namespace).path}/log"
-        text = self._patiently(lambda: self._read("GET", path, query)).decode("utf-8", "replace").strip()
+        text = self._read("GET", path, query).decode("utf-8", "replace").strip()
         return without_secrets(text)
 
     # --- writing ----------------------------------------------------------------------------------------------------

@@ -276,7 +276,7 @@ def test_of_other_kinds_what_others_put_there_stays(server: Server, kube: Kube) 
     assert (server.find(path)["spec"], server.find(path)["metadata"]["managedFields"]) == (both, [beside])
 
 
-def test_the_log_of_a_message(server: Server, kube: Kube) -> None:
+def test_the_log_of_a_message(server: Server, kube: Kube, clock: Clock) -> None:
     pod = "/api/v1/namespaces/robot-robot1/pods/a"
     server.put(f"{pod}/log", {})
     kube.log_tail("robot-robot1", "a", "main", 3, previous=False)
@@ -284,6 +284,10 @@ def test_the_log_of_a_message(server: Server, kube: Kube) -> None:
     asked = {"container": "main", "tailLines": "3", "previous": "false"}
     seen = [server.seen()[:2] for _time in range(2)]
     assert seen == [(f"{pod}/log", asked), (f"{pod}/log", {**asked, "tailLines": "5", "previous": "true"})]
+    server.refuse = lambda _path: 502  # the kubelet of a robot that is off
+    with pytest.raises(ApiError):
+        kube.log_tail("robot-robot1", "p", "app")
+    assert clock.time == 0  # a message is not worth a wait
 
 
 def test_delete(server: Server, kube: Kube) -> None:
