@@ -79,7 +79,7 @@ def _cause(exc: BaseException) -> str:
         return "no answer in time"
     if "CERTIFICATE_VERIFY_FAILED" in text:
         return f"its certificate is not trusted ({text.rpartition('CERTIFICATE_VERIFY_FAILED] ')[2].rstrip(')')})"
-    return text.rpartition(": ")[2] or type(exc).__name__
+    return text.rpartition(": ")[2].removesuffix("'))") or type(exc).__name__
 
 
 class ApiConnection:
@@ -176,7 +176,9 @@ class ApiConnection:
         todo = f"Check that its server runs, that it can be reached from here, and the address (from {source})"
         if untrusted:
             todo = "Check ca_cert, or that the kubeconfig belongs to this cluster"
-        text = f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}."
+        proxy = getattr(self._pool, "proxy", None)  # without what logs in there
+        way = f"by the proxy {proxy.host}:{proxy.port}: " if proxy else ""
+        text = f"The Kubernetes API at {self.host} cannot be reached: {way}{_cause(exc)}. {todo}."
         return ApiError(text, transient=not untrusted, misfit=untrusted)
 
     def _refused(self, answer: Any, what: str) -> ApiError:

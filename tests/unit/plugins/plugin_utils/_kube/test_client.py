@@ -86,6 +86,12 @@ def test_nothing_listens() -> None:
         kube.objects("Node")
     assert str(error.value).startswith(f"The Kubernetes API at {url} cannot be reached: connection refused. Check that")
     assert error.value.transient
+    proxied = {"host": "https://192.0.2.1:6443", "api_key": "t", "proxy": f"http://me:secret@{SERVICE_ADDRESS}:1"}
+    with Kube(proxied, patience=0) as kube, pytest.raises(ApiError) as error:
+        kube.objects("Node")
+    said = str(error.value)
+    assert f"192.0.2.1:6443 cannot be reached: by the proxy {SERVICE_ADDRESS}:1: connection refused" in said
+    assert "secret" not in said
 
 
 # --- patience -------------------------------------------------------------------------------------------------------
