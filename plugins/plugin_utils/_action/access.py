@@ -23,7 +23,7 @@ from ...module_utils._common.errors import FleetError, KubeError
 from .._kube.access import NoClusterError, ServersAwayError, given_options
 from .._kube.kubeconfig import is_foreign, keep, local_kubeconfig, url_at
 from .._model.fleet import Home
-from .._model.topology import EDGE_CLUSTER, address
+from .._model.topology import EDGE_CLUSTER, address, in_url
 from .leftovers import prefix, sweep
 
 LEADING = ("host", "kubeconfig", "context")  # options that say which API
@@ -117,7 +117,7 @@ class Fetch:
             try:
                 text = self.read(server)
                 front = hostvars[server].get("k3s_api_endpoint") if server in hostvars else ""  # of all servers
-                url = url_at(text, str(front or address(server, hostvars)))
+                url = url_at(text, in_url(str(front or "")) or address(server, hostvars))
                 found = local_kubeconfig(text, url, home.part.cluster)
             except FleetError as error:
                 if server not in problems:

@@ -33,7 +33,7 @@ from ...module_utils._host.k3s import (
     token_verdict,
 )
 from .._model.machines import MACHINES
-from .._model.topology import address
+from .._model.topology import address, in_url
 
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
@@ -157,7 +157,7 @@ def join_url(variables: Variables, hostvars: Mapping[str, Variables], now: Resul
 
 def server_url(variables: Variables, server: str, hostvars: Mapping[str, Variables]) -> str:
     """A server's API, or what stands in front of all servers; SpecError where it is no host of the inventory."""
-    return f"https://{variables['k3s_api_endpoint'] or address(server, hostvars)}:{API_PORT}"
+    return f"https://{in_url(variables['k3s_api_endpoint']) or address(server, hostvars)}:{API_PORT}"
 
 
 def wanted(
@@ -215,8 +215,8 @@ def _config(variables: Variables, joining: Mapping[str, object], own_address: st
     """What differs between a cluster's first server, its other servers and its agents is seen at once."""
     config: dict[str, object] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
     if variables["k3s_role"] == "server":
-        # without the brackets that it has in a URL: the certificate is to be for an address, not for a name
-        names = [own_address.strip("[]"), variables["k3s_node_name"], variables["k3s_api_endpoint"]]
+        # without the brackets that they have in a URL: the certificate is to be for an address, not for a name
+        names = [own_address.strip("[]"), variables["k3s_node_name"], variables["k3s_api_endpoint"].strip("[]")]
         names += variables["k3s_tls_sans"]
         config |= {
             "write-kubeconfig-mode": "0600",

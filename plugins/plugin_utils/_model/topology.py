@@ -67,4 +67,9 @@ def address(host: str, hostvars: Mapping[str, Variables]) -> str:
         raise SpecError(f"{host} is no host of the inventory")
     known = hostvars[host]
     text = str(known.get("k3s_node_ip") or known.get("ansible_host") or host).split(",", maxsplit=1)[0].strip()
-    return f"[{text}]" if ":" in text else text
+    return in_url(text)
+
+
+def in_url(name: str) -> str:
+    """A name or an address as it stands in a URL, whether an IPv6 one was given its brackets or not."""
+    return f"[{name.strip('[]')}]" if ":" in name else name

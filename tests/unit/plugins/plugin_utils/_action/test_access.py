@@ -131,10 +131,14 @@ def test_any_living_server_will_do_and_one_whose_k3s_is_down_where_there_is_no_o
     assert servers.asked == ["edge1", "edge2", "edge3"] * 2
 
 
-def test_what_stands_in_front_of_the_servers(tmp_path: Path) -> None:
-    hostvars = {host: {**own, "k3s_api_endpoint": "api.example.org"} for host, own in HOSTVARS.items()}
+@pytest.mark.parametrize(
+    ("front", "place"),
+    [("api.example.org", "api.example.org"), ("fd00::5", "[fd00::5]"), ("[fd00::5]", "[fd00::5]")],
+)
+def test_what_stands_in_front_of_the_servers(tmp_path: Path, front: str, place: str) -> None:
+    hostvars = {host: {**own, "k3s_api_endpoint": front} for host, own in HOSTVARS.items()}
     way = Servers().way(tmp_path, hostvars, accepts=lambda *_: True)
-    assert server_of(way) == "https://api.example.org:6444"
+    assert server_of(way) == f"https://{place}:6444"
 
 
 @pytest.mark.parametrize(

@@ -249,6 +249,7 @@ def test_a_member_joins_a_server_that_lives_and_stays_with_it(now: dict[str, Any
     known = variables("robot1")
     assert join_url(known, HOSTVARS, now) == url
     assert join_url({**known, "k3s_api_endpoint": "api.lan"}, HOSTVARS, now) == "https://api.lan:6443"
+    assert join_url({**known, "k3s_api_endpoint": "fd00::5"}, HOSTVARS, now) == "https://[fd00::5]:6443"
     assert config("robot1", joins=url)["server"] == url
 
 
