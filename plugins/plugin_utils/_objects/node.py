@@ -15,7 +15,7 @@ from .common import made
 # spec.taints is one atomic list that Kubernetes writes to as well (not-ready, unreachable, pressure), so it cannot be
 # applied as a whole. An annotation says which of the taints are ours, and a label that no kubelet can set that this is
 # our word: a kubelet may annotate its own node, and would so have taints of others taken off.
-TAINTS_ANNOTATION, TAINTS_LABEL = "rosops.fleet/taints", names.NODE_TAINTS
+TAINTS_ANNOTATION = "rosops.fleet/taints"
 
 
 def node_object(name: str, placement: str, robot: str, labels: Mapping[str, str]) -> Object:
@@ -34,10 +34,8 @@ def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     wanted = [{key: value for key, value in taint.items() if value not in ("", None)} for taint in taints]
     there = list((node.get("spec") or {}).get("taints") or [])
     same = [*map(_whole, wanted)]
-    said, proof = (
-        (node["metadata"].get(kind) or {}).get(name, "")
-        for kind, name in (("annotations", TAINTS_ANNOTATION), ("labels", TAINTS_LABEL))
-    )
+    said = (node["metadata"].get("annotations") or {}).get(TAINTS_ANNOTATION, "")
+    proof = (node["metadata"].get("labels") or {}).get(names.NODE_TAINTS, "")
     recorded = json_of(said or "[]") if proof == _proof(said) else None
     ours = [*map(_whole, recorded or ())]
     others = {*map(_whole, there)} - {*ours}
@@ -48,7 +46,7 @@ def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     if after == there and recorded == wanted:
         return None
     text = json.dumps(wanted) if wanted else ""
-    notes, labels = {TAINTS_ANNOTATION: text or None}, {TAINTS_LABEL: _proof(text) or None}
+    notes, labels = {TAINTS_ANNOTATION: text or None}, {names.NODE_TAINTS: _proof(text) or None}
     version = node["metadata"]["resourceVersion"]
     return {
         "metadata": {"resourceVersion": version, "annotations": notes, "labels": labels},
