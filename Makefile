@@ -66,8 +66,8 @@ HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-b
 .PHONY: test
 test: ## What needs no host, and on hosts one case for most promises; FRESH=1: also what passed before with the same files
 	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
-	    --lane artifacts molecule-update molecule-default \
-	    --lane $(HOSTLESS)
+	    --lane artifacts molecule-update \
+	    --lane $(HOSTLESS) molecule-default
 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)

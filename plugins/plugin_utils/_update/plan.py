@@ -84,7 +84,7 @@ class Step:
 class Plan:
     """The steps of a robot.
 
-    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes after all steps.
+    `orphans` are the robot's own Deployments that the inventory does not know, `remnants` what goes after all steps.
     """
 
     steps: Sequence[Step] = ()
@@ -163,7 +163,8 @@ def update_plan(robot: Robot, desired: Desired, live: Live, request: Request, dr
     if request.to:
         return Plan(_back(there, asked, request))
     known = {*map(key_of, deployments_of(all_of(desired))), (context.master_namespace(robot), KEEPER)}
-    orphans = sorted(key[1] for key in running if key not in known and key[1] != EXPORTER)
+    left = (key[1] for key in running if key[0] == robot.namespace and key not in known)  # another has the fleet's
+    orphans = sorted(name for name in left if name != EXPORTER)
     plan = _with_removals(Plan(there.steps(asked), orphans, _exporters(live, request)), robot, live, request)
     return replace(plan, remnants=[*plan.remnants, *_policies(robot, live, request, plan.orphans)])
 
