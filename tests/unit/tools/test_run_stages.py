@@ -24,7 +24,7 @@ import pathlib, sys, time
 here, name = pathlib.Path(sys.argv[1]), sys.argv[2]
 word, _plus, other = name.partition("+")
 (here / word).touch()
-end = time.monotonic() + 20
+end = time.monotonic() + 60
 while other and not (here / other).exists():
     assert time.monotonic() < end, "alone"
     time.sleep(0.01)

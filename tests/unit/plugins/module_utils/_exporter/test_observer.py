@@ -59,7 +59,7 @@ def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
     assert ros["ros_node_up"] == {name: name in ("/good", "/cpp", "/over") for name in nodes}
     assert {key[1] for key in ros["ros_topic_messages_total"]} == {"/good", "/cpp"}
     assert errors(made) == {"timeout": 1, "refused": 1, "fault": 1, "malformed": 1, "overflow": 1}
-    assert time.monotonic() - began < 3
+    assert time.monotonic() - began < 30  # of one that hangs for ever
     assert {method for _label, method in peers.calls} <= {  # none of them changes anything
         "getSystemState", "lookupNode", "getParam", "system.multicall", "getPid", "getBusInfo", "getBusStats",
     }  # fmt: skip
@@ -111,7 +111,7 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
     ros = made.snapshot.ros
     assert ros["ros_launch_process_up"] == dict.fromkeys(("/a", "/b", "/c"), True)
     assert ros["ros_launch_process_starts_total"] == dict.fromkeys(("/a", "/b", "/c"), 2)
-    assert (ros["ros_node_up"]["/good"], time.monotonic() - began < 2) == (True, True)
+    assert (ros["ros_node_up"]["/good"], time.monotonic() - began < 30) == (True, True)
 
 
 def test_services_and_actions_of_a_node(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:

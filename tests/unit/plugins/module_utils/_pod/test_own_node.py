@@ -99,7 +99,7 @@ def test_another_process_at_its_old_address_is_not_it(world: World) -> None:
 )
 def test_where_it_is_not(world: World, change: dict[str, Any], words: str) -> None:
     vars(world).update(change)
-    nodes, why = own_nodes(SETTINGS, 0.3)
+    nodes, why = own_nodes(SETTINGS, 2.0)
     assert nodes == []
     assert words in why
 
@@ -108,11 +108,11 @@ def test_where_it_is_not(world: World, change: dict[str, Any], words: str) -> No
 def test_a_node_that_is_late_may_be_at_work(world: World, settings: Settings) -> None:
     """On a busy robot: what it works on would be cut off, had it been left to SIGTERM."""
     world.address = f"http://127.0.0.1:{world.peers.hung()}/"
-    (node,), why = own_nodes(settings, 0.2)
+    (node,), why = own_nodes(settings, 2.0)
     assert (node.uri, why) == (world.address, "")
     assert state.load_state(NODE) == State()
     world.address = f"http://127.0.0.1:{world.peers.dead()}/"
-    assert own_nodes(settings, 0.2)[0] == []
+    assert own_nodes(settings, 20.0)[0] == []
 
 
 @pytest.mark.parametrize(
@@ -202,14 +202,14 @@ def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch
 
     def look_up(host: str, *more: Any, **options: Any) -> Any:
         if host == "laptop":
-            answered.wait(10)
+            answered.wait(60)
         return resolve(host, *more, **options)
 
     monkeypatch.setattr(own_node.socket, "getaddrinfo", look_up)
     world.address = "http://laptop:4711/"
     began = time.monotonic()
     assert own_nodes(NAMELESS, 0.2) == NOBODY
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 30
     answered.set()
 
 
@@ -227,11 +227,11 @@ def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:
     def talk(sock: socket.socket) -> None:
         while b"</methodCall>" not in b"".join(got):
             got.append(sock.recv(65536) or b"</methodCall> that never came")
-        ended.wait(30)
+        ended.wait(60)
 
     began = time.monotonic()
     OwnNode(NODE, f"http://127.0.0.1:{peers.tcp(talk)}/", {}, SETTINGS).shut_down()
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 30
     until(lambda: b"<methodName>shutdown</methodName>" in b"".join(got))
     ended.set()
 
@@ -250,7 +250,7 @@ def test_a_shutdown_of_what_takes_no_connection_ends_in_time() -> None:
         own = OwnNode(NODE, f"http://127.0.0.1:{full.getsockname()[1]}/", {}, SETTINGS)
         asked = threading.Thread(target=own.shut_down, args=(0.1,), daemon=True)
         asked.start()
-        asked.join(5)
+        asked.join(60)
         assert not asked.is_alive()
 
 

@@ -74,7 +74,7 @@ def test_a_stop_does_not_wait_for_a_start(running: subprocess.Popen[str], port: 
     assert get(port, "/stop") == 200
     assert begun == []
     (tmp_path / "gone").touch()
-    waiting.join(20)
+    waiting.join(60)
     assert begun == [200]
 
 
@@ -120,4 +120,4 @@ def answers(port: int) -> bool:
 
 def test_it_ends_with_its_pod(running: subprocess.Popen[str]) -> None:
     os.kill(running.pid, signal.SIGTERM)
-    assert running.wait(10) == 0
+    assert running.wait(60) == 0

@@ -208,9 +208,9 @@ def test_whoever_hangs_the_stop_ends_in_time(hanging: tuple[str, ...], deadline:
 def test_what_is_done_together_waits_for_nobody_who_hangs() -> None:
     ended, fails = threading.Event(), Mock(side_effect=OSError("it is gone"))
     began = time.monotonic()
-    found = stop_command.together([lambda: 1, fails, lambda: ended.wait(30)], 0.2)
+    found = stop_command.together([lambda: 1, fails, lambda: ended.wait(60)], 0.2)
     ended.set()
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 30
     assert found == [1, "OSError: it is gone", found[2]]
     assert found[2].endswith("timed out")
 

@@ -210,7 +210,7 @@ def test_a_keeper_that_is_started_anew_goes_on(
     saved = stage.record[-1]
     for one in list(stage.keeper.forwarders.values()):
         one.over = True
-        one.join(5)
+        one.join(60)
     stage.record.append(saved)  # a process that is killed takes nothing back
     if boot:
         (tmp_path / "boot_id").write_text(boot)

@@ -641,7 +641,7 @@ def test_a_master_that_hangs_up_on_the_silent_has_not_ended_and_its_end_is_notic
     until(lambda: master.came >= 4)
     assert not woken.is_set()
     master.end()
-    assert woken.wait(2)
+    assert woken.wait(60)
     until(lambda: not line.stands)
 
 

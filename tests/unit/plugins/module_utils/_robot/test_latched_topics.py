@@ -162,7 +162,7 @@ def kept(stage: Stage) -> Slave:
 def test_who_comes_later_gets_it_until_the_next_publisher_speaks(stage: Stage) -> None:
     new = kept(stage)
     late = stage.subscriber("/late", stage.slave)
-    assert late.get(timeout=5) == b"at the charger"
+    assert late.get(timeout=60) == b"at the charger"
     until(lambda: new.callers(TOPIC))
     new.publish(TOPIC, b"on the way")
     while stage.offered():
@@ -180,16 +180,16 @@ def test_who_had_it_does_not_get_it_again_unless_it_subscribes_anew(stage: Stage
     old = stage.node(OLD, topic)
     topic.publish(b"go there")
     early = stage.subscriber("/early", old)
-    assert early.get(timeout=5) == b"go there"
+    assert early.get(timeout=60) == b"go there"
     followed(stage, old)
     stream = stage.connect("/early", stage.slave, early)
-    assert stage.subscriber("/late", stage.slave).get(timeout=5) == b"go there"  # it has nothing to wait for
+    assert stage.subscriber("/late", stage.slave).get(timeout=60) == b"go there"  # it has nothing to wait for
     assert early.empty()
     stream.close()
     until(lambda: "/early" not in stage.slave.callers(TOPIC))
     until(lambda: "/early" not in next(iter(stage.keeper.values.values())).had)
     stage.connect("/early", stage.slave, early)
-    assert early.get(timeout=5) == b"go there"
+    assert early.get(timeout=60) == b"go there"
 
 
 def test_another_definition_of_the_type_needs_none(stage: Stage) -> None:
@@ -230,14 +230,14 @@ def test_without_a_next_publisher_it_is_not_given_and_goes_in_the_end(stage: Sta
 def test_it_goes_on_after_a_restart_of_the_keeper(stage: Stage) -> None:
     kept(stage)
     late = stage.subscriber("/late", stage.slave)
-    assert late.get(timeout=5) == b"at the charger"
+    assert late.get(timeout=60) == b"at the charger"
     stage.look()
     stage.again()
     assert stage.said[-1] == f"still keeps what was latched on {TOPIC}"
     stage.look()
     stage.look(SETTLE)
     stage.connect("/late", stage.slave, late)
-    assert stage.subscriber("/last", stage.slave).get(timeout=5) == b"at the charger"
+    assert stage.subscriber("/last", stage.slave).get(timeout=60) == b"at the charger"
     assert late.empty()
 
 

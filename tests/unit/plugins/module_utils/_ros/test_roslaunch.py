@@ -121,7 +121,7 @@ def test_those_that_are_gone_hang_or_talk_nonsense_keep_nobody_from_the_others(p
     }
     began = time.monotonic()
     assert [child.name for child in children(master(peers, told, 0.5), HERE)] == ["lives-1"]
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < 30  # of one that hangs for ever
 
 
 def test_one_question_where_nobody_launched_anything_here(peers: Peers) -> None:

@@ -74,7 +74,7 @@ class Server(ThreadingHTTPServer):
 
     def seen(self) -> tuple[str, dict[str, str], dict[str, str]]:
         """The next request: path, query, headers."""
-        return self.requests.get(timeout=10)
+        return self.requests.get(timeout=60)
 
     def next_watch(self) -> tuple[str, dict[str, str]]:
         while True:

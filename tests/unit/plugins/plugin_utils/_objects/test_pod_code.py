@@ -132,7 +132,7 @@ def test_what_shows_metrics_runs_from_a_mount_without_a_master(tmp_path: Path, p
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=ENVIRON) as process:  # noqa: S603 - our own
         assert process.stdout is not None
         process.stdout.readline()  # it serves
-        end, text = time.monotonic() + 20, ""
+        end, text = time.monotonic() + 60, ""
         while "ros_master_up 0.0\n" not in text and time.monotonic() < end:
             text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5).read().decode()
         process.kill()
