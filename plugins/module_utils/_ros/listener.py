@@ -25,6 +25,7 @@ from .streams import Source, Streams
 
 TICK = 0.01
 SAID = 200  # bytes of an answer that are told
+LATE = 1.0  # seconds that a first look may take to connect and count as listening: it may end as soon as it was quiet
 
 
 class Listener:
@@ -37,6 +38,7 @@ class Listener:
         self._streams = Streams(ros.caller, ros.timeout, self._took, self._left)
         self._definition = lru_cache(maxsize=None)(Definition)
         self._lock = threading.Lock()
+        self._looked = False
 
     def checks(self, graph: Graph) -> list[Check]:
         """One check per condition. A value that is asked for is given a moment to come."""
@@ -49,6 +51,9 @@ class Listener:
             one.unheard = {key[1]: why for key, why in unheard.items() if key[0] == topic}
             if before:  # what was said until now nobody knows
                 one.since, one.stirred = time.monotonic(), None
+            elif not self._looked:
+                one.since = max(one.since, time.monotonic() - LATE)
+        self._looked = True
         self._await_values()
         with self._lock:
             found = [check_value(graph, one, time.monotonic()) for one in self._heard]

@@ -7,11 +7,13 @@ import struct
 import threading
 from collections.abc import Iterable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import listener as listener_module
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.backend import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import ValueCondition
@@ -133,6 +135,19 @@ def test_no_time_is_quiet_in_which_a_publisher_could_not_be_heard(stage: Stage) 
     ((verdict, reason),) = stage.seen(listener)
     assert (verdict, reason) == (WAIT, "0.0 s of 0.3 s since it is listened to")
     until(lambda: stage.seen(listener)[0][0] == PASS)
+
+
+def test_the_time_that_a_first_look_took_to_connect_is_no_quiet_time(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But for a second of it."""
+    now = [0.0]
+    monkeypatch.setattr(listener_module, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    stage.start("/driver")
+    listener = stage.listener(ValueCondition("/battery", quiet=3.0))
+    for later, calm in ((5.0, "1.0"), (1.5, "2.5")):
+        now[0] += later
+        assert stage.seen(listener) == [(WAIT, f"{calm} s of 3 s since it is listened to")]
 
 
 DEEP = "".join(f"{'=' * 80}\nMSG: demo/A{number}\nA{number + 1} a\n" for number in range(2000))
