@@ -9,6 +9,7 @@ can say something new, and seldom: the API server answers a list of events from 
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -66,16 +67,15 @@ def notes_on(kube: Kube, bad: Verdicts, view: View) -> list[str]:
     """
     notes: list[str] = []
     said = " ".join(verdict.reason for verdict in bad.values())
-    try:
-        for namespace in sorted({ref.namespace for ref in bad if ref.namespace})[:3]:
-            ours = tuple(f"{ref.name}-" for ref in bad if ref.namespace == namespace)  # and what is named after them
-            events = kube.objects("Event", namespace, fields="type=Warning")
+    for namespace in sorted({ref.namespace for ref in bad if ref.namespace})[:3]:
+        ours = tuple(f"{ref.name}-" for ref in bad if ref.namespace == namespace)  # and what is named after them
+        with contextlib.suppress(ApiError):
             for pod in view.all("Pod", namespace):
                 if f"{name_of(pod)}-".startswith(ours):
                     notes += _last_words(kube, pod, said)
+        with contextlib.suppress(ApiError):
+            events = kube.objects("Event", namespace, fields="type=Warning")
             notes += _warnings(one for one in events if _is_news(one, view, namespace, ours, said))
-    except ApiError:
-        pass
     return notes[:SHOWN]
 
 
@@ -140,9 +140,9 @@ def telling(log: str) -> list[str]:
 def probe_line(message: str) -> str:
     """'Startup probe failed: why', in one line: the hopeless one where there are more, else the last."""
     _nothing, head, rest = _HEAD.split(message, maxsplit=1)
-    lines = [line.strip() for line in rest.splitlines() if line.strip()]
-    chosen = next((line for line in lines if HOPELESS in line), lines[-1] if lines else "")
-    return f"{head or ''}{chosen}".strip()
+    lines = [line.strip() for line in rest.splitlines() if line.strip()] or ["its command says nothing"]
+    chosen = next((line for line in lines if HOPELESS in line), lines[-1])
+    return f"{head or ''}{chosen}"
 
 
 def _when(event: Object) -> tuple[str, bool]:

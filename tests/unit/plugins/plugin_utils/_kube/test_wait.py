@@ -338,6 +338,10 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
     ]
 
 
+def refused(*_whose: Any, **_which: Any) -> str:
+    raise ApiError("no", status=403)
+
+
 def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     crash = waiting("CrashLoopBackOff", restartCount=2, lastState={"terminated": {"exitCode": 1}})
     steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
@@ -345,6 +349,9 @@ def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     kube.previous = True
     done = Run(steps, kube=kube)
     assert done.message.splitlines()[-2] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
+    no_log = FakeKube({"Event": [warning("talker-new-1", "no disk", 1)]})  # it may not be read, or its host is off
+    no_log.log_tail = refused  # type: ignore[method-assign] # as any server may
+    assert "  event of Pod talker-new-1: FailedMount: no disk" in Run(steps, kube=no_log).message.splitlines()
 
 
 def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
@@ -473,7 +480,7 @@ def test_events_that_may_not_be_read_are_asked_for_once() -> None:
         ("Startup probe failed: Traceback:\n  File\nOSError: z\n", "Startup probe failed: OSError: z"),
         ("Startup probe failed: cannot become ready: a\nwarning: b", "Startup probe failed: cannot become ready: a"),
         ('Startup probe errored: command "x" timed out', 'Startup probe errored: command "x" timed out'),
-        ("Startup probe failed: ", "Startup probe failed:"),
+        ("Startup probe failed: ", "Startup probe failed: its command says nothing"),
     ],
 )
 def test_a_probes_line(message: str, line: str) -> None:
