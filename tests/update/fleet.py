@@ -36,6 +36,7 @@ class Fleet:
         self.variables: Variables = {"scenario_changes": {}}  # what converge brought
         self.figures: list[str] = []
         self._proven: dict[str, Any] = {}
+        self._clock = time.time() - time.monotonic()
         self._versions = itertools.count(int(time.time()) % 100_000)
 
     # --- what the operator does -------------------------------------------------------------------------------------
@@ -133,6 +134,11 @@ class Fleet:
         self.wait_settled()
         self.accept(self.variables)
 
+    def clock_was_set(self) -> str:
+        """What makes a loss of none: the sensor numbers its samples by the wall clock. Empty if it was not."""
+        seconds = time.time() - time.monotonic() - self._clock
+        return f"; the machine's clock was set by {seconds:.1f} s since the first case" if abs(seconds) > 1.0 else ""
+
     def watch(self) -> Watch:
         """Keep account of what the apps lose from now on."""
         return Watch(self)
@@ -158,7 +164,7 @@ class Watch:
         """There was something to lose, and no message, request or goal was lost, and no goal executed twice."""
         found = self.losses(*robots, goals=goals)
         for robot, losses in found.items():
-            assert losses.nothing, f"{robot}: {losses}"
+            assert losses.nothing, f"{robot}: {losses}{self._fleet.clock_was_set()}"
             assert losses.messages > 0, f"{robot}: {losses}"
             assert losses.requests > 0, f"{robot}: {losses}"
             assert losses.goals > 0 or not goals, f"{robot}: {losses}"
