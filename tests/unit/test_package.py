@@ -17,6 +17,7 @@ TAKEN = """
     playbooks/files/examples/launch/images/base/driver.py playbooks/files/repository/ansible.cfg
     playbooks/files/repository/dot-github/workflows/fleet.yml playbooks/files/repository/dot-gitignore
     playbooks/files/repository/molecule/update/molecule.yml playbooks/files/repository/requirements-test.txt
+    playbooks/files/repository/requirements.txt
     playbooks/site.yml playbooks/vars/fleet.yml plugins/action/x.py plugins/callback/x.py plugins/modules/x.py
     plugins/module_utils/_ros/gate.py plugins/plugin_utils/_model/names.py awx/objects.yml roles/k3s/tasks/main.yml
     roles/observability/files/dashboards/fleet.json tests/sanity/ignore-2.19.txt

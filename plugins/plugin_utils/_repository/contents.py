@@ -27,9 +27,6 @@ collections: # and what it needs itself
   - name: rosops.fleet
     version: {version}
 """
-PACKAGES = """# what the control node needs; an execution environment of AWX has it from the collection
-ansible-core{core}
-"""
 
 
 def contents(collection: Path, fleet: str, example: str = EXAMPLE_FLEETS[0]) -> dict[str, str]:
@@ -42,8 +39,6 @@ def contents(collection: Path, fleet: str, example: str = EXAMPLE_FLEETS[0]) -> 
     examples |= {str(path): text for path, text in _tree(collection / "playbooks" / "files" / "examples" / example)}
     found |= {path: text.replace(EXAMPLE_NAME, f"fleet_name: {fleet}") for path, text in examples.items()}
     found["collections/requirements.yml"] = COLLECTIONS.format(version=_version(collection))
-    core = yaml.safe_load(_text(collection / "meta" / "runtime.yml"))["requires_ansible"]
-    found["requirements.txt"] = PACKAGES.format(core=core) + _text(collection / "meta" / "ee-requirements.txt")
     return dict(sorted(found.items()))
 
 
