@@ -22,6 +22,8 @@ RUN = {
     r"PLAY validate": "tests/unit/playbooks/test_new.py::test_it_is_valid_at_once_under_the_name_of_its_directory",
     r"PLAY site": f"{UPDATE}::test_what_site_brought_is_unchanged",
     r"PLAY site LIMIT": f"{SITE}::test_who_runs_nothing_comes_first_and_who_works_in_waves",
+    r"PLAY site (--limit edge1|-e k3s_enrol=robot1,robot2)": "tests/update/test_9_edge_anew.py"
+    "::test_an_edge_that_was_made_anew_has_its_robots_back_by_name",
     r"PLAY site --check --diff": f"{SITE}::test_check_mode_shows_what_a_robot_would_get_and_what_its_gate_says",
     r"PLAY site --tags apps,ready": "tests/update/test_5_doors.py::test_second_run_is_told_who_is_there",
     r"PLAY site --tags k3s( --check)?": "tests/update/test_4_k3s.py"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import re
 import socket
+import ssl
 import time
 from functools import partial
 from pathlib import Path
@@ -38,6 +39,8 @@ UFW_ON = re.compile(r"^ENABLED=yes\b", re.MULTILINE)
 KNOCK = 2.0  # seconds for a server of k3s
 KUBELET = f"{k3s.DATA_DIR}/agent/client-kubelet.crt"  # written anew at each start of an agent; it holds for a year
 LIFE = 360 * 86400.0
+AUTHORITY = f"{k3s.DATA_DIR}/agent/server-ca.crt"  # of the cluster that the host joined
+OUT_OF_TIME = (9, 10)  # OpenSSL's X509_V_ERR_CERT_NOT_YET_VALID and _HAS_EXPIRED
 SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
 
@@ -178,10 +181,27 @@ def k3s_leftovers(host: Host) -> dict[str, Any]:
     }
 
 
-def knock(address: str, port: int, timeout: float) -> str:
-    """A TCP connection and nothing more. `refused` is an answer: the host is there, the port is not open yet."""
+def foreign(connection: socket.socket, authority: str) -> bool:
+    """Whether the API there has a certificate of another authority than the one in this file."""
+    trust = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    trust.check_hostname = False
     try:
-        socket.create_connection((address, port), timeout).close()
+        trust.load_verify_locations(authority)
+        trust.wrap_socket(connection).close()
+    except ssl.SSLCertVerificationError as error:
+        return error.verify_code not in OUT_OF_TIME
+    except ssl.SSLError:  # nothing is known of its certificate
+        pass
+    return False
+
+
+def knock(address: str, port: int, timeout: float, authority: str = "") -> str:
+    """A connection and nothing more. `refused` is an answer: the host is there, the port is not open yet. `foreign`
+    is an API of another `authority` than the one in this file.
+    """
+    try:
+        with socket.create_connection((address, port), timeout) as connection:
+            return "foreign" if authority and foreign(connection, authority) else "open"
     except ConnectionRefusedError:
         return "refused"
     except socket.gaierror:
@@ -190,13 +210,12 @@ def knock(address: str, port: int, timeout: float) -> str:
         return "timeout"
     except OSError as error:
         return os.strerror(error.errno).lower() if error.errno else "unreachable"
-    return "open"
 
 
-def reach(targets: list[str], timeout: float) -> list[Facts]:
+def reach(targets: list[str], timeout: float, authority: str = "") -> list[Facts]:
     """All knocks at once: three silent servers cost one time-out, not three."""
     places = [(host.strip("[]"), int(port)) for host, _colon, port in (target.rpartition(":") for target in targets)]
-    knocks = {(host, port): partial(knock, host, port, timeout) for host, port in places}
+    knocks = {(host, port): partial(knock, host, port, timeout, authority) for host, port in places}
     # a resolver that hangs has no time-out of its own
     found = in_parallel(knocks, 2 * timeout, lambda _place, _error: "timeout")
     return [{"host": host, "port": port, "outcome": found[host, port]} for host, port in places]
@@ -252,7 +271,8 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     address:port.
 
     `stale`: k3s was started with other files. `data`: there is a datastore (server; of one that is `external`, what k3s
-    wrote once it ran) or a node's certificate (agent); a host without it says which servers are `answering`. `lapsed`:
+    wrote once it ran) or a node's certificate (agent). `answering`: of the servers; `foreign`: of these such as are
+    of another cluster than the one that the host has joined, which was made anew or has the same address. `lapsed`:
     the node's certificate is of no more use to it. `encrypts`: Secrets in the datastore are. `cgroup_refused`: k3s 1.35
     and newer does not start here. `tokens` are verdicts alone, and `change` is the last exchange, `renewed` where it
     has made the certificates anew and nobody has proven it. The token for agents may become another one, which k3s
@@ -267,7 +287,8 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
     change = last.record()
     data = there["server_data" if role == "server" else "agent_data"]
     data = data or (asked["external"] and role == "server" and host.exists(f"{k3s.DATA_DIR}/server/token"))
-    knocks = [] if data else reach(servers, KNOCK)
+    joined = str(host.path(AUTHORITY)) if data and host.exists(AUTHORITY) else ""
+    knocks = dict(zip(servers, reach(servers, KNOCK, joined)))
     places = k3s.CONFIG_DIR, f"{k3s.DATA_DIR}/server"
     kept, known = ([host.read(f"{place}/{name}") for name in TOKENS] for place in places)
     return {
@@ -293,7 +314,8 @@ def k3s_facts(host: K3sHost, asked: Arguments) -> Facts:
         },
         "server_url": there["server_url"],
         "cgroup_refused": cgroup(host)["refused"],
-        "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
+        "answering": [server for server, knock in knocks.items() if knock["outcome"] in ("open", "foreign")],
+        "foreign": [server for server, knock in knocks.items() if knock["outcome"] == "foreign"],
         "change": {"unproven": change.unproven, "version": change.version, "renewed": last.renewed()},
         "kubeconfig_sha256": host.describe(k3s.KUBECONFIG)["sha256"],
     }

@@ -17,7 +17,7 @@ from ...module_utils._common.poll import WAIT
 from ...module_utils._host.k3s import BINARY, CONFIG_DIR, DATA_DIR
 from .._model.machines import CGROUP_V2_FROM, MACHINES
 from .._model.machines import version as parsed
-from .wanted import Artifacts, HostFile, Wanted
+from .wanted import Artifacts, HostFile, Wanted, enrolled
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
@@ -121,6 +121,11 @@ def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
         yield (
             "The host holds a cluster's datastore (/var/lib/rancher/k3s/server), but not that cluster's tokens in "
             "/etc/rancher/k3s. Set k3s_token and k3s_agent_token to the cluster's, or run reset.yml for this host."
+        )
+    if now["foreign"] and not enrolled(variables, host):
+        yield (
+            f"{' and '.join(now['foreign'])} is of another cluster than the one that this host has joined. Where that "
+            f"one is gone for good, -e k3s_enrol={host} has the host join this one; what works on it is ended, unasked."
         )
     if now["other_service"]:
         other = "agent" if role == "server" else "server"

@@ -24,7 +24,7 @@ BARE: dict[str, Any] = {
     "stale": False, "ready": False, "data": False, "lapsed": False, "etcd": False, "encrypts": False,
     "cgroup_refused": False,
     "tokens": {"server": "absent", "agent": "absent"}, "server_url": "", "answering": [],
-    "change": {"unproven": False, "version": "", "renewed": False}, "kubeconfig_sha256": "",
+    "foreign": [], "change": {"unproven": False, "version": "", "renewed": False}, "kubeconfig_sha256": "",
 }  # fmt: skip
 
 

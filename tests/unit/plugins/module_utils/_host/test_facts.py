@@ -13,6 +13,10 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import Host, K3sHost
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
+    certificate,
+    start_server,
+)
 
 
 def tree(tmp_path: Path, files: dict[str, str]) -> Host:
@@ -255,6 +259,34 @@ def test_what_runs_now_is_ready_however_often_it_was_started_before(
     shown = f"LoadState=loaded\nActiveState={state}\nSubState=running\nNRestarts={restarts}\n"
     host = K3sHost(lambda argv: (0, shown if "show" in argv else "", ""), str(tmp_path))
     assert _host_facts.k3s_facts(host, AGENT)["ready"] is ready
+
+
+@pytest.mark.parametrize(("joined", "authority", "foreign"), [
+    (True, "another", True), (True, "its own", False), (True, "half of one", False), (False, "another", False),
+])  # fmt: skip
+def test_a_server_of_another_cluster_than_the_one_that_the_host_joined(
+    tmp_path: Path, joined: bool, authority: str, foreign: bool
+) -> None:
+    """By the authority of its certificate, whatever names that has. What cannot be told is none."""
+    server = start_server(tmp_path, "fleet")
+    texts = {"another": certificate()[0], "its own": (tmp_path / "ca.crt").read_bytes(), "half of one": b"-----BEGIN"}
+    agent = "/var/lib/rancher/k3s/agent"
+    tree(tmp_path, {f"{agent}/server-ca.crt": texts[authority].decode()})
+    if joined:
+        tree(tmp_path, {f"{agent}/client-kubelet.crt": ""})
+    asked = {**AGENT, "servers": [f"127.0.0.1:{server.server_address[1]}"]}
+    try:
+        found = _host_facts.k3s_facts(K3sHost(lambda _argv: (0, "", ""), str(tmp_path)), asked)
+    finally:
+        server.stop()
+    assert (found["answering"], found["foreign"]) == (asked["servers"], asked["servers"] * foreign)
+
+
+def test_who_says_nothing_of_a_certificate_is_waited_for_as_long_as_for_a_connection(
+    tmp_path: Path, peers: Peers
+) -> None:
+    (tmp_path / "ca.crt").write_bytes(certificate()[0])
+    assert _host_facts.knock("127.0.0.1", peers.hung(), 0.1, str(tmp_path / "ca.crt")) == "timeout"
 
 
 @pytest.mark.parametrize(("days", "lapsed"), [(0, False), (350, False), (366, True)])

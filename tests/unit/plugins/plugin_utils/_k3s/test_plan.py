@@ -148,16 +148,18 @@ def test_archives_of_other_versions_are_old() -> None:
 
 # --- what forbids it --------------------------------------------------------------------------------------------------
 
-SOUND: dict[str, Any] = {**NOW, "machine": "x86_64", "other_service": False, "cgroup_refused": False}
+SOUND: dict[str, Any] = {**NOW, "machine": "x86_64", "other_service": False, "cgroup_refused": False, "foreign": []}
 VARIABLES: dict[str, Any] = {
     "k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"], "k3s_install_source": "release",
-    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "", "k3s_token": "", "k3s_config": {},
+    "k3s_version": "v1.34.2+k3s1", "k3s_airgap_dir": "", "k3s_token": "", "k3s_config": {}, "k3s_enrol": "",
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("now", "variables", "words"),
     [
+        ({"foreign": ["edge2:6443"]}, {"k3s_enrol": "robot1"}, "edge2:6443 is of another cluster than the one"),
+        ({"foreign": ["edge2:6443"]}, {"k3s_enrol": "robot1, edge1"}, ""),
         (
             {"tokens": {"server": "differs", "agent": "same"}},
             {"k3s_token": "another"},
