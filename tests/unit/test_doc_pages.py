@@ -9,6 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import PORTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import TAKEN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import PORTS as NODE_PORTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import SINGLE
 from imports import loaded
 
@@ -35,6 +39,12 @@ def test_every_page_is_in_the_index() -> None:
 def test_what_there_must_not_be_two_of_is_on_the_page_that_says_so() -> None:
     packages = (DOCS / "apps.md").read_text("utf-8").partition("## Common packages")[2].partition("\n\nA ")[0]
     assert {*SINGLE} - {*QUOTED.findall(packages)} == set()
+
+
+def test_the_ports_that_hosts_open_are_on_the_page_that_lists_them() -> None:
+    opened = {str(port) for part in TAKEN.values() for _protocol, port in part} | {str(PORTS["node-exporter"])}
+    opened |= {str(role_options("observability")[name]["default"]) for name in NODE_PORTS}
+    assert opened - {*re.findall(r"\d+", (DOCS / "ports.md").read_text("utf-8"))} == set()
 
 
 # --- links ------------------------------------------------------------------------------------------------------------
