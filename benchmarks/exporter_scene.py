@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
-from scene import Scene, free_port, until
+from scene import Scene, until
 
 
 class Metrics:
@@ -41,7 +41,7 @@ class Metrics:
 class ExporterScene(Scene):
     def __init__(self, directory: Path) -> None:
         super().__init__(directory)
-        self.exporter_port = free_port()
+        self.exporter_port = self.reserve_port()
 
     def start_exporter(self, interval: float, timeout: float) -> subprocess.Popen[bytes]:
         """As beside an external master: it keeps nothing, and so leaves the graph alone."""

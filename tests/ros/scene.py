@@ -31,12 +31,6 @@ LAST_LINES = 40
 MARK = "ROSOPS_TEST_SCENE"
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def until(what: str, true: Callable[[], Any], seconds: float = 30.0) -> Any:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -53,13 +47,22 @@ def until(what: str, true: Callable[[], Any], seconds: float = 30.0) -> Any:
 class Scene:
     def __init__(self, directory: Path) -> None:
         self.directory, self.mark = directory, uuid.uuid4().hex
-        self.port, self.keeper_port = free_port(), free_port()
+        self._reserved: list[socket.socket] = []
+        self.port, self.keeper_port = self.reserve_port(), self.reserve_port()
         self.uri = f"http://127.0.0.1:{self.port}/"
         self.ros = Registrar(self.uri, 2.0, "/tester")
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.environment: dict[str, str] = {}  # what processes get besides
         self.keeper_uri = f"http://127.0.0.1:{self.keeper_port}/"
         self.keeper_api = xmlrpc.client.ServerProxy(self.keeper_uri)
+
+    def reserve_port(self) -> int:
+        """One that nobody else is given: two scenes would have one master. Who sets SO_REUSEADDR can listen there."""
+        held = socket.socket()
+        held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        held.bind(("127.0.0.1", 0))
+        self._reserved.append(held)
+        return int(held.getsockname()[1])
 
     # ---- processes
 
@@ -134,6 +137,8 @@ class Scene:
         return process.wait(20)
 
     def end(self) -> None:
+        for held in self._reserved:
+            held.close()
         kill(lambda: marked(MARK, self.mark))
         for process in self.processes.values():
             process.wait()
