@@ -76,7 +76,7 @@ test-all: ## Every case of every scenario, but for those that take hours (test-f
 	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) test-go units-all
 
 .PHONY: check
-check: ruff mypy ## In seconds, without a host: lint, and the unit tests near what changed since main
+check: ruff mypy ## In a minute or two, without a host: lint, and the unit tests near what changed since main
 	@yaml=$$(python tests/tools/affected.py yaml); \
 	    [ -z "$$yaml" ] || { yamllint --strict $$yaml; ansible-lint --offline --profile production $$yaml; }
 	@python -m pytest -n 2 -q $$(python tests/tools/affected.py tests)
@@ -223,12 +223,10 @@ molecule-update: artifacts ## Molecule: updates, bad versions, busy and absent r
 
 .PHONY: molecule-observability
 molecule-observability: artifacts ## Molecule: a fleet and what watches it (builds Prometheus, Loki and others the first time)
-	@$(LAB) artifacts --observability
 	molecule test --scenario-name observability
 
 .PHONY: test-faults
 test-faults: artifacts ## As molecule-update and molecule-observability, with the cases that take long (hours)
-	@$(LAB) artifacts --observability
 	ROSOPS_TEST_CASES=faults python -m pytest -q -n 2 tests/unit/test_hostile.py
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name update
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability

@@ -179,6 +179,7 @@ def test_an_alert_goes_all_the_way(tmp_path: Path, stack: ExitStack) -> None:
         f"--config.file={path}",
         f"--storage.tsdb.path={tmp_path}/tsdb",
         f"--web.listen-address=127.0.0.1:{own}",
+        "--rules.alert.resend-delay=1s",  # a first alert comes before Alertmanager is discovered; by default a minute
     )
     stack.enter_context(running(tmp_path / "prometheus", own, program("prometheus"), *prometheus)).ready("/-/ready")
     found = eventually("the alert in Alertmanager", lambda: json.loads(get(f"{alertmanager.url}/api/v2/alerts")))

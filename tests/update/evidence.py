@@ -76,7 +76,7 @@ def losses(logs: Logs, since: float, until: float) -> Losses:
     answers = sorted(line["latency_ms"] for line in requests)
     found.answer_ms = max(answers, default=0.0)
     found.p95_ms = answers[len(answers) * 95 // 100] if answers else 0.0
-    found.failed = [str(line.get("error", f"wrong answer {line.get('sum')}")) for line in requests if not line["ok"]]
+    found.failed = [_failure(line, since) for line in requests if not line["ok"]]
     ended = within.get(GOALS, [])
     found.goals = len(ended)
     found.goal_ms = max((line["completion_ms"] for line in ended if line["outcome"] == SUCCEEDED), default=0.0)
@@ -121,6 +121,12 @@ def parse(text: str) -> list[dict[str, Any]]:
         if isinstance(record, dict) and "time" in record:
             found.append(record)
     return found
+
+
+def _failure(request: Mapping[str, Any], since: float) -> str:
+    """Why, and when: what came of it is often told by what was going on then."""
+    error = request.get("error", f"wrong answer {request.get('sum')}")
+    return f"{error} after {request['latency_ms']:.0f} ms, asked {request['time'] - since:.1f} s in"
 
 
 def _ranges(lines: Records) -> list[list[int]]:

@@ -31,13 +31,17 @@ class Fleet:
     def __init__(self, lab: str, inventory: Path, output: Path) -> None:
         self.hosts = Hosts(lab)
         self.robots = self.hosts.robots
-        self.cluster = Cluster(Path(self.hosts.variables["lab_dir"]) / "kube" / "edge.yaml")
+        self.connect()
         self.playbooks = Playbooks(inventory, output)
         self.variables: Variables = {"scenario_changes": {}}  # what converge brought
         self.figures: list[str] = []
         self._proven: dict[str, Any] = {}
         self._clock = time.time() - time.monotonic()
         self._versions = itertools.count(int(time.time()) % 100_000)
+
+    def connect(self) -> None:
+        """To the cluster that there is."""
+        self.cluster = Cluster(Path(self.hosts.variables["lab_dir"]) / "kube" / "edge.yaml")
 
     # --- what the operator does -------------------------------------------------------------------------------------
 
@@ -121,6 +125,15 @@ class Fleet:
             return evidence.newest([goal for goal in goals if goal["outcome"] == evidence.SUCCEEDED], "sent")
 
         wait_until(sent, lambda newest: newest > since, 240, "a goal from the edge that comes through again", pause=1)
+
+    def wait_for_answer(self, robot: str, since: float) -> None:
+        """Until a request that was sent from the edge since then was answered, and so all before have ended."""
+
+        def sent() -> float:
+            requests = self.hosts.logs(robot).get(evidence.REQUESTS, [])
+            return evidence.newest([request for request in requests if request["ok"]])
+
+        wait_until(sent, lambda newest: newest > since, 60, "a request from the edge that is answered", pause=1)
 
     def settle(self) -> None:
         """Have the fleet run what its inventory says, whatever the test before left behind."""

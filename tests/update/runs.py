@@ -160,6 +160,7 @@ class Playbooks:
             "ANSIBLE_NOCOLOR": "1",
             "ANSIBLE_FORCE_COLOR": "0",
             "ROSOPS_FLEET_REPORT": str(report),
+            "PYTHONUNBUFFERED": "1",  # ansible-playbook flushes what goes into a file only when it forks
             **environ,
         }
         program = str(Path(sys.executable).parent / "ansible-playbook")

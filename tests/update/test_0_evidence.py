@@ -60,7 +60,7 @@ def test_failed_requests_and_goals() -> None:
         evidence.GOALS: [goal(1, "succeeded"), goal(2, "lost"), goal(3, "abandoned"), goal(4, "succeeded", wrong=1)],
     }
     found = losses(logs, 0, 9)
-    assert (found.requests, found.failed) == (2, ["gone"])
+    assert (found.requests, found.failed) == (2, ["gone after 10 ms, asked 2.0 s in"])
     assert (found.goals, len(found.unsuccessful), found.abandoned) == (4, 2, 1)
     assert not found.nothing
 

@@ -152,6 +152,8 @@ def test_apps_outlive_their_master(fleet: Fleet) -> None:
             "a new pod of the master",
         )
         fleet.wait_settled()
+        # the edge goes on asking where the old pod was, until its kube-proxy and 3 s of ARP are over
+        fleet.wait_for_answer("robot1", time.time())
         assert apps_only(fleet.running()["robot1"]) == apps_only(before)
         fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     watch.assert_only_lookups_failed("robot1")

@@ -3,13 +3,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import http.client
 import json
 import shlex
+import ssl
+import subprocess
+import sys
+from collections.abc import Iterator
 
 import pytest
 from cluster import KEEPER
 from fleet import Fleet
 from kubernetes import client
+from runs import wait_until
 
 THIEF, VICTIM, EDGE = "robot1", "robot2", "edge1"
 AGENT = "/var/lib/rancher/k3s/agent"
@@ -79,6 +86,14 @@ OF_KEEPER = {
 }
 
 
+# what anybody asks: host, port, path
+OF_NOBODY = [
+    *((EDGE, 6443, path) for path in ("/api/v1/secrets", "/api/v1/pods", "/apis/apps/v1/deployments")),
+    *((host, 10250, path) for host in (EDGE, THIEF, VICTIM) for path in ("/pods", "/logs/", "/exec/a/b/c?command=id")),
+]
+OPENED = {"metadata": {"name": "by-the-test"}, "spec": {"podSelector": {}, "policyTypes": ["Ingress"], "ingress": [{}]}}
+
+
 def listening(fleet: Fleet, robot: str) -> list[list[object]]:
     """Addresses at which a robot's pods are reached: each port on which they listen, and the Services."""
     core, namespace, found = client.CoreV1Api(), f"robot-{robot}", list[list[object]]()
@@ -136,3 +151,48 @@ def test_the_certificate_and_the_token_on_its_disk(fleet: Fleet) -> None:
             wrong.append(f"{what}: {said[:400]}")
     assert not wrong, "\n".join(wrong)
     fleet.figures.append(f"{len(tried)} things tried with what lies on {THIEF}: none was done")
+
+
+@contextlib.contextmanager
+def way_to(fleet: Fleet, host: str, addresses: list[list[object]]) -> Iterator[None]:
+    """As anybody in the hosts' network may have it: the host is asked to hand packets on to its pods."""
+    there = sorted({f"{address}/32" for address, _port in addresses})
+    for address in there:
+        subprocess.run(["ip", "route", "replace", address, "via", fleet.hosts.address(host)], check=True)  # noqa: S603, S607 - by PATH
+    try:
+        yield
+    finally:
+        for address in there:
+            subprocess.run(["ip", "route", "delete", address], check=True)  # noqa: S603, S607 - by PATH
+
+
+def reached(addresses: list[list[object]]) -> list[list[object]]:
+    """Those that this machine reaches, which is no host of the cluster."""
+    words = [sys.executable, "-c", CONNECT, json.dumps(addresses)]
+    found: list[list[object]] = json.loads(subprocess.run(words, capture_output=True, check=True).stdout)  # noqa: S603
+    return found
+
+
+def status(address: str, port: int, path: str) -> int:
+    """What a server says to who shows nothing."""
+    anybody = ssl._create_unverified_context()  # noqa: S323 - whoever it is, nothing is told to it
+    connection = http.client.HTTPSConnection(address, port, timeout=10, context=anybody)
+    with contextlib.closing(connection):
+        connection.request("GET", path)
+        return connection.getresponse().status
+
+
+@pytest.mark.promise("a laptop in the hosts' network reaches no pod of a robot, and no API without a credential")
+def test_a_laptop_in_the_network_of_the_hosts(fleet: Fleet) -> None:
+    others, network = listening(fleet, VICTIM), client.NetworkingV1Api()
+    with way_to(fleet, VICTIM, others):
+        assert reached(others) == []
+        network.create_namespaced_network_policy(f"robot-{VICTIM}", OPENED, _request_timeout=20)
+        try:  # the way is there: it is the policies that close it
+            wait_until(lambda: reached(others), lambda found: found == others, 30, "all of them")
+        finally:
+            network.delete_namespaced_network_policy("by-the-test", f"robot-{VICTIM}", _request_timeout=20)
+        wait_until(lambda: reached(others), lambda found: not found, 30, "none of them")
+    said = {one: status(fleet.hosts.address(one[0]), *one[1:]) for one in OF_NOBODY}
+    assert set(said.values()) == {401}, said
+    fleet.figures.append(f"{len(others)} ways to {VICTIM}'s pods from a laptop: none open; {len(said)} questions: 401")

@@ -86,7 +86,6 @@ class Lab:
         """Mends what is there and makes what is missing; with `fresh` every host is a new one."""
         groups = parse_hosts(hosts) if hosts else self._known_groups()
         _raise_inotify_limit()
-        _keep_rules()
         image = host_image(self.cache)
         with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
             if fresh:
@@ -96,6 +95,7 @@ class Lab:
             self.keys.write_known_hosts({host.name: host.address for host in state.hosts})
             states.save(state)
             _each(self.runners(state), lambda runner: runner.ensure(image, self.network, self.labels))
+            _put_rules_first()
             return state
 
     def _known_groups(self) -> dict[str, str]:
@@ -160,11 +160,11 @@ def ensure_network(cache: Cache, name: str, labels: dict[str, str]) -> IPv4Netwo
         return subnet
 
 
-def _keep_rules() -> None:
-    """They stay until the next reboot."""
+def _put_rules_first() -> None:
+    """Before those that podman puts first when it makes its first network; they stay until the next reboot."""
     for table, *rule in RULES:
-        if run(["iptables", "-w", "-t", table, "-C", *rule], check=False).returncode != 0:
-            run(["iptables", "-w", "-t", table, "-I", *rule])
+        run(["iptables", "-w", "-t", table, "-D", *rule], check=False)
+        run(["iptables", "-w", "-t", table, "-I", *rule])
 
 
 def _raise_inotify_limit() -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from ipaddress import IPv4Network
 
 import pytest
+from lablib import lab
 from lablib.errors import LabError
 from lablib.names import (
     POOL,
@@ -100,3 +101,21 @@ def test_bad_hosts_are_refused(text: str, complaint: str) -> None:
 def test_bad_lab_names_are_refused(name: str) -> None:
     with pytest.raises(LabError, match="not usable"):
         check_lab_name(name)
+
+
+def test_what_leaves_no_lab_is_asked_before_rules_that_podman_has_put_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    refuses = ["-s", str(POOL), "-d", lab.SERVICES, "-j", "REJECT"]
+    chains = {"POSTROUTING": [["-j", "MASQUERADE"]], "FORWARD": [["-j", "ACCEPT"], refuses]}
+
+    def iptables(command: list[str], **_how: object) -> None:
+        _program, _wait, _table, _name, what, chain, *rule = command
+        if what == "-I":
+            chains[chain].insert(0, rule)
+        elif rule in chains[chain]:
+            chains[chain].remove(rule)
+
+    monkeypatch.setattr(lab, "run", iptables)
+    for _time in range(2):
+        lab._put_rules_first()
+    assert chains["FORWARD"] == [refuses, ["-j", "ACCEPT"]]
+    assert [rule[-1] for rule in chains["POSTROUTING"]] == ["ACCEPT", "MASQUERADE"]

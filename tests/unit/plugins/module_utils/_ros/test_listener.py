@@ -57,6 +57,10 @@ class Stage:
         state = MasterState({"/battery": tuple(sorted(self.master.uris))} if self.master.uris else {}, {}, {})
         return [(check.verdict, check.reason) for check in listener.checks(state.graph)]
 
+    def say(self, node: Slave, percentage: float, listener: Listener) -> None:
+        """Said once it is heard: a publisher knows its subscriber a moment after that does, who may be late itself."""
+        until(lambda: self.seen(listener) and node.publish("/battery", struct.pack("<f", percentage)))
+
 
 @pytest.fixture
 def stage(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
@@ -74,9 +78,9 @@ def test_nobody_speaks_and_then_somebody_does(stage: Stage) -> None:
     ((verdict, reason),) = stage.seen(listener)  # it is given a moment
     assert verdict == WAIT
     assert reason.startswith("no message in ")
-    until(lambda: node.publish("/battery", struct.pack("<f", 0.75)))
+    stage.say(node, 0.75, listener)
     until(lambda: stage.seen(listener) == [(PASS, "is 0.75")])
-    node.publish("/battery", struct.pack("<f", 0.25))
+    stage.say(node, 0.25, listener)
     until(lambda: stage.seen(listener) == [(WAIT, "is 0.25, not above 0.5")])
 
 
@@ -86,7 +90,7 @@ def test_each_publisher_is_heard_once_from_look_to_look(stage: Stage) -> None:
     for _look in range(3):
         assert stage.seen(listener)[1][0] == WAIT
     assert (one.callers("/battery"), two.callers("/battery")) == (["/listener"], ["/listener"])
-    two.publish("/battery", struct.pack("<f", 1.0))
+    stage.say(two, 1.0, listener)
     until(lambda: stage.seen(listener)[0] == (PASS, "is 1"))
     assert "since {'percentage': 1.0} came" in stage.seen(listener)[1][1]
 
@@ -95,7 +99,7 @@ def test_what_a_node_said_that_is_gone_counts_no_more(stage: Stage) -> None:
     node = stage.start("/driver")
     listener = stage.listener(FULL)
     stage.seen(listener)
-    node.publish("/battery", struct.pack("<f", 1.0))
+    stage.say(node, 1.0, listener)
     until(lambda: stage.seen(listener) == [(PASS, "is 1")])
     stage.master.uris.clear()
     assert stage.seen(listener) == [(WAIT, "nobody publishes it")]
@@ -165,7 +169,7 @@ def test_a_definition_that_is_none_is_said(stage: Stage, text: str, words: str) 
     node = stage.start("/driver", message_definition=text)
     listener = stage.listener(ValueCondition("/battery", quiet=0.001))
     stage.seen(listener)
-    node.publish("/battery", struct.pack("<f", 1.0))
+    stage.say(node, 1.0, listener)
     until(lambda: stage.seen(listener)[0][0] == FAIL)
     assert words in stage.seen(listener)[0][1]
 
