@@ -261,6 +261,11 @@ class Hosts:
         done = subprocess.run(words, input=text, capture_output=True, text=True, check=True, timeout=60)  # noqa: S603
         return done.stdout
 
+    def forget_connections(self) -> None:
+        """What was begun with a pod that has ended. It fails who gets the same port in the next two minutes."""
+        for host in (self._edge, *self.robots):
+            self.ssh(host, "conntrack -D -p tcp --state SYN_SENT; [ $? -le 1 ]")  # 1: there was none
+
     def processes(self, host: str, uid: str) -> list[int]:
         """Those of a pod by its host's count, but for the one that keeps its namespaces."""
         of_pod = f"grep -Eqs '{uid.replace('-', '[-_]')}' $p/cgroup && grep -qsvx pause $p/comm"

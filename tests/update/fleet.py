@@ -195,6 +195,7 @@ class Watch:
             assert len(losses.failed) <= 100, losses  # of ten a second
             # as long as the old pod's host goes on sending to it: by the kernel's own values it was 135 s
             assert losses.answer_ms < 20_000, losses
+        self._fleet.hosts.forget_connections()
 
 
 def scenario_apps() -> list[Variables]:

@@ -4,9 +4,11 @@
 A pod may be faster than its host with the Service of a new master. The kernel then tracks the first connection without
 the Service's translation, and all that it repeats of it, too: a node whose first look-up meets that moment hangs for
 127 s (tcp_syn_retries of tcp(7)). So it is looked with connections that are each a new one, and only then the process
-becomes the app's. A master that is away for long is the app's own business. `--after`: nor before another process of
-this node's name has ended (`namesake.py`), nor without its parameters, where it has some (`params.py`). Without a
-command this ends when one could begin (`sidecar.py`).
+becomes the app's. The kernel keeps what it tracked for 120 s (nf_conntrack_tcp_timeout_syn_sent). A later connection
+from the same port fails by it, so the ports of these are none that a connection gets by itself (ip_local_port_range). A
+master that is away for long is the app's own business. `--after`: nor before another process of this node's name has
+ended (`namesake.py`), nor without its parameters, where it has some (`params.py`). Without a command this ends when one
+could begin (`sidecar.py`).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 PATIENCE = 30.0  # s for a master that does not answer
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 PAUSE = 0.1
+FIRST_PORT, PORTS = 20000, 10000  # of Linux' 32768 and up, and of NodePorts, none; another one each tenth of a second
 AFTER = "--after"
 UNSET, UNAVAILABLE, NOT_FOUND, STOPPED = 1, 126, 127, 128 + signal.SIGTERM  # as shells say it
 
@@ -39,7 +42,7 @@ def reachable(address: tuple[str, int], seconds: float = PATIENCE) -> bool:
     end = time.monotonic() + seconds
     while True:
         try:
-            socket.create_connection(address, ATTEMPT).close()
+            socket.create_connection(address, ATTEMPT, ("", FIRST_PORT + int(time.time() * 10) % PORTS)).close()
         except OSError:
             if time.monotonic() >= end:
                 return False

@@ -34,6 +34,21 @@ def test_a_master_that_is_away_is_not_waited_for_for_ever(peers: Peers) -> None:
     assert 0.3 <= time.monotonic() - began < 5
 
 
+def test_each_attempt_has_a_port_of_its_own_that_no_other_connection_gets() -> None:
+    """A host that did not know the Service yet would lead a later connection from the same port nowhere."""
+    ephemeral = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text("utf-8").split()[0])
+    with socket.create_server(("127.0.0.1", 0)) as master:
+        ports = []
+        for _attempt in range(3):
+            assert exec_command.reachable(master.getsockname())
+            peer, (_host, port) = master.accept()
+            peer.close()
+            ports.append(port)
+            time.sleep(exec_command.PAUSE)
+    assert len(set(ports)) == 3
+    assert max(ports) < min(30000, ephemeral)
+
+
 def started(tmp_path: Path, port: int, *command: str) -> subprocess.Popen[str]:
     script = tmp_path / "exec.py"
     script.write_text(CODE + "\nraise SystemExit(main(sys.argv[1:]))\n")
