@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import itertools
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ LEAST = 3.0  # seconds that an account has to tell of: subscribers write theirs 
 LIMIT = ("--limit", "robot1,edge1")  # of a run for one robot
 
 Variables = dict[str, Any]
+Accounts = dict[str, list[dict[str, Any]]]  # of a robot's apps, as Hosts.logs has them
 
 
 class Fleet:
@@ -120,23 +121,28 @@ class Fleet:
         One that its client at the edge had sent to a robot that is away is lost only when its time is over.
         """
 
-        def sent() -> float:
-            goals = self.hosts.logs(robot).get(evidence.GOALS, [])
+        def sent(logs: Accounts) -> float:
+            goals = logs.get(evidence.GOALS, [])
             return evidence.newest([goal for goal in goals if goal["outcome"] == evidence.SUCCEEDED], "sent")
 
-        wait_until(sent, lambda newest: newest > since, 240, "a goal from the edge that comes through again", pause=1)
+        self._wait_for_newer(robot, sent, since, 240, "a goal from the edge that comes through again")
 
     def wait_for_answer(self, robot: str, since: float) -> None:
         """Until a request that was sent from the edge since then was answered, and so all before have ended."""
 
-        def sent() -> float:
-            requests = self.hosts.logs(robot).get(evidence.REQUESTS, [])
-            return evidence.newest([request for request in requests if request["ok"]])
+        def asked(logs: Accounts) -> float:
+            return evidence.newest([request for request in logs.get(evidence.REQUESTS, []) if request["ok"]])
 
-        wait_until(sent, lambda newest: newest > since, 60, "a request from the edge that is answered", pause=1)
+        self._wait_for_newer(robot, asked, since, 60, "a request from the edge that is answered")
+
+    def _wait_for_newer(
+        self, robot: str, newest: Callable[[Accounts], float], since: float, seconds: float, what: str
+    ) -> None:
+        wait_until(lambda: newest(self.hosts.logs(robot)), lambda found: found > since, seconds, what, pause=1)
 
     def settle(self) -> None:
         """Have the fleet run what its inventory says, whatever the test before left behind."""
+        self.hosts.forget_connections()
         if self._proven and not self.unsettled() and self.revisions() == self._proven:
             return
         run = self.update(self.variables, **ALL_AT_ONCE)
@@ -195,7 +201,6 @@ class Watch:
             assert len(losses.failed) <= 100, losses  # of ten a second
             # as long as the old pod's host goes on sending to it: by the kernel's own values it was 135 s
             assert losses.answer_ms < 20_000, losses
-        self._fleet.hosts.forget_connections()
 
 
 def scenario_apps() -> list[Variables]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PATIENCE = 30.0  # s for a master that does not answer
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 PAUSE = 0.1
-FIRST_PORT, PORTS = 20000, 10000  # of Linux' 32768 and up, and of NodePorts, none; another one each tenth of a second
+FIRST_PORT, PORTS = 20000, 10000  # of Linux' 32768 and up, and of NodePorts, none
 AFTER = "--after"
 UNSET, UNAVAILABLE, NOT_FOUND, STOPPED = 1, 126, 127, 128 + signal.SIGTERM  # as shells say it
 
@@ -42,13 +42,18 @@ def reachable(address: tuple[str, int], seconds: float = PATIENCE) -> bool:
     end = time.monotonic() + seconds
     while True:
         try:
-            socket.create_connection(address, ATTEMPT, ("", FIRST_PORT + int(time.time() * 10) % PORTS)).close()
+            socket.create_connection(address, ATTEMPT, ("", _own_port())).close()
         except OSError:
             if time.monotonic() >= end:
                 return False
             time.sleep(PAUSE)
         else:
             return True
+
+
+def _own_port() -> int:
+    """Another one each tenth of a second, in whichever process of the pod."""
+    return FIRST_PORT + int(time.time() * 10) % PORTS
 
 
 def main(words: list[str]) -> int:
