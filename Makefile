@@ -90,11 +90,12 @@ ruff: ## Python: style and mistakes
 	ruff format --check .
 
 .PHONY: mypy
-mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the tests that need a lab
+mypy: ## Python: types, those of hosts and pods for Python 3.8, too, of benchmarks, and of the tests that need a lab
 	mypy plugins
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	mypy --python-version 3.8 playbooks/files/rosops-may
 	MYPYPATH=tests/lab mypy tests/lab/lablib
+	MYPYPATH=benchmarks:tests/lab:tests/apps mypy benchmarks/bench_update.py benchmarks/bench_site.py
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
 	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tools mypy tests/observability
 

@@ -30,12 +30,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lab_environment import CHECKOUT, environment
+from lab_environment import CHECKOUT, LAB, environment, inventory
 from process_memory import Peak
 from published import HELP, Table, publish
 from update.errors import BenchError
 
-LAB = CHECKOUT / "tests" / "lab" / "lab"
 KEPT = CHECKOUT / "reports" / "bench-site"
 SITE_TO_BARE = 0.25  # the most that a run on ready hosts may take of the one on bare hosts
 CPU_TO_BEFORE = 1 / 3  # of a run with nothing to do
@@ -118,7 +117,7 @@ def task_lines(report: Mapping[str, Any]) -> list[str]:
 
 def middle(runs: Iterable[Run], what: str) -> float:
     """The median of a figure over the rounds."""
-    return statistics.median(getattr(run, what) for run in runs)
+    return float(statistics.median(getattr(run, what) for run in runs))
 
 
 def limits(now: Runs, before: Runs | None = None) -> dict[str, bool]:
@@ -224,9 +223,7 @@ class Side:
     def __init__(self, name: str, checkout: Path, lab: str) -> None:
         self.name, self._checkout = name, checkout
         self._environment = environment(lab, checkout)
-        self.inventory = checkout / "inventories" / "lab"
-        if checkout != CHECKOUT:
-            self.inventory = borrowed(checkout, lab)
+        self.inventory = inventory(lab, checkout, KEPT / "inventory")
 
     def variables(self) -> dict[str, Any]:
         """The lab's hosts with their variables."""
@@ -272,19 +269,6 @@ class Side:
         print(f"  {seconds:.1f} s, cpu {cpu:.1f} s, {memory:.0f} MB, changed={run.changed}; the slowest:", flush=True)
         print("\n".join(task_lines(run.report)), flush=True)
         return run
-
-
-def borrowed(checkout: Path, lab: str) -> Path:
-    """An inventory with another checkout's variables and this one's lab."""
-    made = KEPT / "inventory"
-    made.mkdir(parents=True, exist_ok=True)
-    script = made / "hosts.sh"
-    script.write_text(f'#!/bin/sh\nexec "{LAB}" inventory --lab "{lab}" "$@"\n', encoding="utf-8")
-    script.chmod(0o755)
-    link = made / "group_vars"
-    link.unlink(missing_ok=True)
-    link.symlink_to(checkout / "inventories" / "lab" / "group_vars")
-    return made
 
 
 def do_lab(lab: str, *words: str) -> float:
@@ -384,7 +368,7 @@ def main() -> int:
     return attempt(
         lambda: measure(options.lab, before, options.rounds, options.robots, options.hertz),
         lambda: options.keep or do_lab(options.lab, "down", "--lab", options.lab),
-        lambda found: options.publish and publish("playbooks", section(found)),
+        lambda found: publish("playbooks", section(found)) if options.publish else None,
     )
 
 

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+LAB = CHECKOUT / "tests" / "lab" / "lab"
 
 
 def environment(lab: str, checkout: Path = CHECKOUT) -> dict[str, str]:
@@ -21,3 +22,17 @@ def environment(lab: str, checkout: Path = CHECKOUT) -> dict[str, str]:
         "LC_ALL": "C.UTF-8",
         "ROSOPS_LAB": lab,
     }
+
+
+def inventory(lab: str, checkout: Path, made: Path) -> Path:
+    """The lab's. For another checkout one is made there: that one's variables, and this one's lab."""
+    if checkout == CHECKOUT:
+        return CHECKOUT / "inventories" / "lab"
+    made.mkdir(parents=True, exist_ok=True)
+    script = made / "hosts.sh"
+    script.write_text(f'#!/bin/sh\nexec "{LAB}" inventory --lab "{lab}" "$@"\n', encoding="utf-8")
+    script.chmod(0o755)
+    link = made / "group_vars"
+    link.unlink(missing_ok=True)
+    link.symlink_to(checkout / "inventories" / "lab" / "group_vars")
+    return made

@@ -16,7 +16,7 @@ from .measure import COUNT
 from .order import STRESS
 from .plain_manifests import NAMES
 from .results import Results, load
-from .scenario import ARMS, CASES, FLEET, PLAIN, PUBLISHED, chosen
+from .scenario import ARMS, CASES, FLEET, PLAIN, PUBLISHED, RELEASE, chosen
 from .trials import TRIALS, Trials
 
 
@@ -44,6 +44,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--quiet", type=float, help="seconds without an update at a round's beginning, for the control")
     made.add_argument(
         "--playbook", default="playbooks/update.yml", help="the fleet arm's (default: playbooks/update.yml)"
+    )
+    made.add_argument(
+        "--before", type=Path, help=f"another checkout, set up: the arm is {RELEASE}, by its playbooks on fresh hosts"
     )
     made.add_argument("--lab", default="bench", help="name of the lab that is made for it (default: bench)")
     made.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
@@ -76,10 +79,11 @@ def main() -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    before = arguments.before.resolve() if arguments.before else None
     options = Options(
-        arguments.trials, arguments.messages, arguments.stress, arguments.arms, cases, arguments.lab, arguments.keep,
-        arguments.plain_names, arguments.playbook, arguments.quiet,
-        arguments.minutes, arguments.loop,
+        arguments.trials, arguments.messages, arguments.stress, [RELEASE] if before else arguments.arms, cases,
+        arguments.lab, arguments.keep, arguments.plain_names, arguments.playbook, arguments.quiet,
+        arguments.minutes, arguments.loop, before,
     )  # fmt: skip
     trials = Trials(arguments.data)
     if not trials.missing(options.trials, options.arms, options.stress, [case.name for case in cases]):

@@ -14,11 +14,10 @@ from typing import Any
 
 import yaml
 from kubernetes import client, config
-from lab_environment import environment
+from lab_environment import CHECKOUT, LAB, environment, inventory
 
 from .cores import CONTROL_CORES, on_cores
 from .errors import BenchError
-from .paths import CHECKOUT, LAB
 
 EDGE, ROBOT = "edge1", "robot1"
 HOSTS = f"{EDGE}:edge,{ROBOT}:robots"
@@ -31,11 +30,13 @@ NICELY = ("nice", "-n", str(NICE))
 
 
 class Cluster:
-    """One lab: its hosts, and the cluster that site.yml makes of them."""
+    """One lab: its hosts, and the cluster that site.yml makes of them. Playbooks are the checkout's."""
 
-    def __init__(self, lab: str, sockets: Path) -> None:
+    def __init__(self, lab: str, sockets: Path, checkout: Path = CHECKOUT) -> None:
         self.lab = lab
+        self.checkout = checkout
         self.environment = environment(lab)
+        self.inventory = inventory(lab, checkout, sockets / "inventory")
         self._sockets = sockets
         self._hosts: dict[str, Mapping[str, Any]] = {}
         self._apps: Any = None
@@ -49,23 +50,24 @@ class Cluster:
         if done.returncode != 0:
             raise BenchError(f"tests/lab/lab {' '.join(words)} ended with {done.returncode}")
 
-    def playbook(
-        self, words: list[str], inventories: list[str], log: Path, report: Path
-    ) -> tuple[int, float, float, float]:
-        """ansible-playbook; returns exit status, start and end on the wall clock, CPU seconds that it took here."""
+    def playbook(self, words: list[str], beside: Path, log: Path, report: Path) -> tuple[int, float, float, float]:
+        """ansible-playbook, with one inventory beside the lab's.
+
+        Returns exit status, start and end on the wall clock, CPU seconds that it took here.
+        """
         report.unlink(missing_ok=True)
         command = [
             *on_cores(CONTROL_CORES),
             *NICELY,
             "ansible-playbook",
-            *(word for path in inventories for word in ("-i", path)),
+            *(word for path in (self.inventory, beside) for word in ("-i", str(path))),
             *words,
         ]
-        env = {**self.environment, "ROSOPS_FLEET_REPORT": str(report)}
+        env = {**environment(self.lab, self.checkout), "ROSOPS_FLEET_REPORT": str(report)}
         before = os.times()
         started = time.time()
         with log.open("a", encoding="utf-8") as file:
-            done = subprocess.run(command, cwd=CHECKOUT, env=env, stdout=file, stderr=file, check=False)  # noqa: S603
+            done = subprocess.run(command, cwd=self.checkout, env=env, stdout=file, stderr=file, check=False)  # noqa: S603
         ended = time.time()
         after = os.times()
         cpu = after.children_user + after.children_system - before.children_user - before.children_system

@@ -14,15 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lab_environment import CHECKOUT
+
 from .cluster import EDGE, HOSTS, ROBOT, Cluster, wait_for
 from .cores import CONTROL_CORES, ROBOT_CORES, listed
 from .errors import BenchError
 from .fleet import FleetArm
-from .paths import CHECKOUT
 from .plain import PlainArm
 from .results import Results
 from .rounds import Arm, Plan, clear, run_round
-from .scenario import FLEET, NO_HOLD, Case, images
+from .scenario import FLEET, NO_HOLD, RELEASE, Case, images
 from .stress import Stress
 from .trials import Trial, Trials
 from .versions import about
@@ -51,6 +52,7 @@ class Options:
     quiet: float | None = None
     minutes: float | None = None
     loop: bool = False
+    before: Path | None = None
 
 
 class Experiment:
@@ -63,8 +65,9 @@ class Experiment:
         self._started = time.monotonic()
         self._say = say
         self._sockets = tempfile.TemporaryDirectory(prefix="bench-")  # short: a socket's path may have 107 characters
-        self._cluster = Cluster(options.lab, Path(self._sockets.name))
-        self._fleet = FleetArm(self._cluster, results.directory, options.changer)
+        self._cluster = Cluster(options.lab, Path(self._sockets.name), options.before or CHECKOUT)
+        name = RELEASE if options.before else FLEET
+        self._fleet = FleetArm(self._cluster, results.directory, options.changer, name)
         self.about: dict[str, Any] = {}
         self.problems: list[str] = []
 
@@ -160,7 +163,7 @@ class Experiment:
         names = self._options.plain_names
         return {
             "plain": PlainArm(self._cluster, names, self._results.directory, self._master()),
-            FLEET: self._fleet,
+            self._fleet.name: self._fleet,
             NO_HOLD: FleetArm(
                 self._cluster,
                 self._results.directory,

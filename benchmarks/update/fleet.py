@@ -12,7 +12,6 @@ from .cluster import EDGE, ROBOT, Cluster
 from .cores import CONTROL_CORES, CORES, ROBOT_CORES, kubelet_arguments
 from .errors import BenchError
 from .fleet_inventory import variables
-from .paths import CHECKOUT
 from .scenario import FLEET, App, Case
 from .step import Step, fleet_step
 from .windows import Span
@@ -89,8 +88,7 @@ class FleetArm:
         return fleet_step(report, ROBOT, run)
 
     def _play(self, *words: str) -> tuple[int, float, float, float]:
-        inventories = [str(CHECKOUT / "inventories" / "lab"), str(self._inventory)]
-        return self._cluster.playbook(list(words), inventories, self._log, self._report)
+        return self._cluster.playbook(list(words), self._inventory, self._log, self._report)
 
     def _write(self, apps: Iterable[App]) -> None:
         text = json.dumps({**variables(apps), **self._more}, indent=2)

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from lab_environment import CHECKOUT
 from published import Table, published
 
 from .measure import ACTION_SECONDS, COUNT
-from .paths import CHECKOUT
 from .pictures import KINDS, pictures
 from .scenario import ARMS, PUBLISHED, RATE, of_arm
 from .tables import loop_table, loss_table, markdown, number, phase_table, success, tables, theirs, usage_table
@@ -64,6 +64,7 @@ the step, in the round's quiet beginning.
 * `plain-before` and `fleet-before` are trials of versions before, made on other days. In nearly all of them the
   robot ran the apps of all cases at once, 28 on one core, and the hosts used 65 to 191 % of the two cores before
   any update. Nothing above is judged by them.
+* `release-before` is `update.yml` of dc5b52c in today's rounds, on a lab of its own (its trials say so above).
 """
 
 LOOPS = """## A control loop beside an update
@@ -79,6 +80,7 @@ AGAIN = """## Run it again
     make bench MINUTES=30           # begins no trial that would not be over by then
     make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"
     make bench BENCH="--arms fleet-no-hold --cases action/server"   # goals are not held
+    make bench BENCH="--before ../earlier --trials 3"   # release-before: another checkout's playbooks
     make bench BENCH="--loop --data benchmarks/update/results/loop.jsonl --trials 2 --stress no"
     make bench-docs                 # this page and its pictures out of the trials
     make bench-probe BENCH=--publish   # what ours costs a robot at rest, per part

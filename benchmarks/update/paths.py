@@ -7,7 +7,6 @@ import sys
 
 from lab_environment import CHECKOUT
 
-LAB = CHECKOUT / "tests" / "lab" / "lab"
 RESULTS = CHECKOUT / "benchmarks" / "results"
 
 

@@ -58,7 +58,8 @@ def _over_time(title: str, chosen: Sequence[Details]) -> Chart:
 
 
 def _distribution(title: str, chosen: Sequence[Details], theirs: float | None) -> Chart:
-    lines, marks = [], []
+    lines: list[Line] = []
+    marks: list[tuple[float, str]] = []
     for arm, colour in COLOURS.items():
         mine = [item for item in chosen if item["arm"] == arm]
         calm = [value for item in mine for at, value in item.get("series") or () if at < 0]

@@ -167,6 +167,7 @@ def twelve() -> Case:
 
 PLAIN, FLEET = "plain", "fleet"
 NO_HOLD = "fleet-no-hold"  # the fleet arm whose keeper holds no goals
+RELEASE = "release-before"  # the fleet arm with the playbooks of another checkout, on a lab of its own
 ARMS = (PLAIN, FLEET, NO_HOLD)
 BOTH = {"pub": MINOR, "sub": MINOR}
 # In the order in which they are updated. The action last: what follows an update of it is part of its measure.

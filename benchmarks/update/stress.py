@@ -18,9 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
+from lab_environment import CHECKOUT
+
 from .cores import ROBOT_CORES
 from .errors import BenchError
-from .paths import CHECKOUT
 
 sys.path.insert(0, str(CHECKOUT / "tests" / "lab"))
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lab_environment import CHECKOUT
+
 from .measure import Measured
 from .order import rounds
-from .paths import CHECKOUT
 from .records import Record
 from .scenario import of_arm
 

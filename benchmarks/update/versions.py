@@ -14,7 +14,6 @@ from typing import Any
 
 from .cluster import EDGE, NICE, ROBOT, Cluster
 from .cores import CONTROL_CORES, ROBOT_CORES, listed
-from .paths import CHECKOUT
 
 
 def about(cluster: Cluster) -> dict[str, Any]:
@@ -32,7 +31,7 @@ def about(cluster: Cluster) -> dict[str, Any]:
         "containerd": cluster.ssh(ROBOT, "containerd --version").decode().strip(),
         "ros": _ros(cluster),
         "ansible": _first(["ansible", "--version"], cluster),
-        "collection": _first(["git", "-C", str(CHECKOUT), "describe", "--always", "--dirty"], cluster),
+        "collection": _first(["git", "-C", str(cluster.checkout), "describe", "--always", "--dirty"], cluster),
         "hosts": f"{EDGE} and {ROBOT}: containers on this machine, which is the control node as well "
         f"(its own processes at nice {NICE}, in both arms); {ROBOT} on core {listed(ROBOT_CORES)}, all else on "
         f"{listed(CONTROL_CORES)}",
