@@ -59,6 +59,9 @@ the step, in the round's quiet beginning.
   {RATE:g}/s. A subscriber gets them twice; the demo's drops the second.
 * `ran back` counts messages older than the one before, as two publishers that overlap make them. The first ten
   trials did not count them, and the programs in C++ do not.
+* A sensor in C++ that was held up for more than 10 ms gives up the readings of that time, as they would push out
+  what waits in its queue of 10. Such a reading counts as lost where the new process had sent it before anybody was
+  connected, and as never published where no other process had it.
 * Completion and the longest goal are of those sent within {ACTION_SECONDS:g} s from the command, or until 5 s
   after its end if that is later. `fleet-no-hold` is fleet with `ros_master_goal_forwarding: false`.
 * `plain-before` and `fleet-before` are trials of versions before, made on other days. In nearly all of them the
