@@ -67,7 +67,8 @@ the step, in the round's quiet beginning.
 * `plain-before` and `fleet-before` are trials of versions before, made on other days. In nearly all of them the
   robot ran the apps of all cases at once, 28 on one core, and the hosts used 65 to 191 % of the two cores before
   any update. Nothing above is judged by them.
-* `release-before` is `update.yml` of dc5b52c in today's rounds, on a lab of its own (its trials say so above).
+* `release-before` is fleet with the playbooks of an earlier commit, which `collection` above names. Its rounds are
+  those of plain and fleet, on hosts of their own.
 """
 
 LOOPS = """## A control loop beside an update
