@@ -94,7 +94,8 @@ type site struct {
 	base string
 }
 
-func startSite(t *testing.T) *site {
+// newSupervisor is one that does not listen yet, and the certificate that it shows.
+func newSupervisor(t *testing.T) (*supervisor, tls.Certificate) {
 	t.Helper()
 	c := &config{dataDir: dataDir(t.TempDir()), NodeName: "edge1", NodeIP: "127.0.0.1"}
 	cas, err := ensureCAs(c.dataDir)
@@ -104,23 +105,37 @@ func startSite(t *testing.T) *site {
 	if err := serverLeaves(c, cas); err != nil {
 		t.Fatal(err)
 	}
-	api, kube := startAPIFake(t)
-	s := &supervisor{config: c, cas: cas, serverToken: "servers-secret", agentToken: agents, kube: kube}
-	s.apiReady.Store(true)
-	handler, err := s.handler()
-	if err != nil {
-		t.Fatal(err)
-	}
 	own := c.dataDir.tls("serving-kube-apiserver")
 	cert, err := tls.LoadX509KeyPair(own+".crt", own+".key")
 	if err != nil {
 		t.Fatal(err)
 	}
+	return &supervisor{config: c, cas: cas, serverToken: "servers-secret", agentToken: agents}, cert
+}
+
+// listen has a handler answer by HTTP/2 with this certificate.
+func listen(t *testing.T, handler http.Handler, cert tls.Certificate) *httptest.Server {
+	t.Helper()
 	server := httptest.NewUnstartedServer(handler)
+	server.EnableHTTP2 = true
 	server.TLS = &tls.Config{Certificates: []tls.Certificate{cert}, ClientAuth: tls.RequestClientCert}
 	server.StartTLS()
 	t.Cleanup(server.Close)
-	return &site{api, server.URL, cas["server-ca"].pem, c.dataDir.agent("client-kubelet")}
+	return server
+}
+
+func startSite(t *testing.T) *site {
+	t.Helper()
+	s, cert := newSupervisor(t)
+	api, kube := startAPIFake(t)
+	s.kube = kube
+	s.apiReady.Store(true)
+	handler, err := s.handler()
+	if err != nil {
+		t.Fatal(err)
+	}
+	server := listen(t, handler, cert)
+	return &site{api, server.URL, s.cas["server-ca"].pem, s.config.dataDir.agent("client-kubelet")}
 }
 
 // join is what the agent of robot2 does at each of its starts.

@@ -1,6 +1,7 @@
 package main
 
 import (
+	"bytes"
 	"context"
 	"crypto/tls"
 	"crypto/x509"
@@ -133,7 +134,7 @@ func (l notForAPIServer) Accept() (net.Conn, error) {
 }
 
 func (s *supervisor) handler() (http.Handler, error) {
-	proxy, err := s.apiProxy()
+	proxy, err := s.apiProxy(apiserverURL)
 	if err != nil {
 		return nil, err
 	}
@@ -167,8 +168,8 @@ func (s *supervisor) handler() (http.Handler, error) {
 // travel through, so its verified name does, by the API server's own means
 // for that: request headers, believed from the holder of the proxy's
 // certificate only.
-func (s *supervisor) apiProxy() (http.Handler, error) {
-	target, err := url.Parse(apiserverURL)
+func (s *supervisor) apiProxy(api string) (http.Handler, error) {
+	target, err := url.Parse(api)
 	if err != nil {
 		return nil, err
 	}
@@ -233,7 +234,21 @@ func (s *supervisor) apiProxy() (http.Handler, error) {
 			}
 		},
 	}
-	return proxy, nil
+	return whole(proxy), nil
+}
+
+// whole hands a request on once all of its body is here. A client that hears
+// that it is refused sends no more of it, and a proxy that waits for the rest
+// never ends the answer: both of them would wait for ever.
+func whole(next http.Handler) http.Handler {
+	return http.HandlerFunc(func(w http.ResponseWriter, r *http.Request) {
+		body, err := io.ReadAll(r.Body)
+		if err != nil {
+			panic(http.ErrAbortHandler) // the client is gone
+		}
+		r.Body = io.NopCloser(bytes.NewReader(body))
+		next.ServeHTTP(w, r)
+	})
 }
 
 type roundTripper func(*http.Request) (*http.Response, error)
