@@ -268,7 +268,15 @@ class Hosts:
 
     def processes(self, host: str, uid: str) -> list[int]:
         """Those of a pod by its host's count, but for the one that keeps its namespaces."""
-        of_pod = f"grep -Eqs '{uid.replace('-', '[-_]')}' $p/cgroup && grep -qsvx pause $p/comm"
+        return self._of_pod(host, uid, "grep -qsvx pause")
+
+    def network(self, host: str, uid: str) -> int:
+        """The process that keeps a pod's namespaces, as long as there is the pod. Another one may be a probe's."""
+        [number] = self._of_pod(host, uid, "grep -qsx pause")
+        return number
+
+    def _of_pod(self, host: str, uid: str, named: str) -> list[int]:
+        of_pod = f"grep -Eqs '{uid.replace('-', '[-_]')}' $p/cgroup && {named} $p/comm"
         told = self.ssh(host, f"for p in /proc/[0-9]*; do {of_pod} && echo ${{p#/proc/}}; done; true")
         assert told, f"no process of the pod {uid} on {host}"
         return [int(number) for number in told.split()]

@@ -98,7 +98,7 @@ def listening(fleet: Fleet, robot: str) -> list[list[object]]:
     """Addresses at which a robot's pods are reached: each port on which they listen, and the Services."""
     core, namespace, found = client.CoreV1Api(), f"robot-{robot}", list[list[object]]()
     for pod in core.list_namespaced_pod(namespace, _request_timeout=20).items:
-        (process, *_others) = fleet.hosts.processes(pod.spec.node_name, pod.metadata.uid)
+        process = fleet.hosts.network(pod.spec.node_name, pod.metadata.uid)
         said = fleet.hosts.ssh(pod.spec.node_name, f"nsenter -t {process} -n ss -Hltn")
         ports = {int(line.split()[3].rsplit(":", 1)[1]) for line in said.splitlines() if "127.0.0.1:" not in line}
         found += [[pod.status.pod_ip, port] for port in sorted(ports)]
@@ -112,7 +112,7 @@ def opened(fleet: Fleet, host: str, addresses: list[list[object]], app: str = ""
     inside = ""
     if app:
         (pod,) = fleet.pods()[host][app]
-        inside = f"nsenter -t {fleet.hosts.processes(host, pod.uid)[0]} -n "
+        inside = f"nsenter -t {fleet.hosts.network(host, pod.uid)} -n "
     words = f"{inside}python3 -c {shlex.quote(CONNECT)} {shlex.quote(json.dumps(addresses))}"
     found: list[list[object]] = json.loads(fleet.hosts.ssh(host, words))
     return found
