@@ -69,8 +69,8 @@ the step, in the round's quiet beginning.
   any update. Nothing above is judged by them.
 * `release-before` is fleet with the playbooks of an earlier commit, which `collection` above names. Its rounds are
   those of plain and fleet, on hosts of their own, and most of them on another day: the figures before an update tell
-  how quick the machine was. Two of its 9,597 requests failed. A look-up of the master was refused, as it is by what
-  earlier looks left in the kernel; versions since then leave nothing there.
+  how quick the machine was. Its requests that failed were look-ups of the master that were refused, as they are by
+  what earlier looks left in the kernel; versions since then leave nothing there.
 """
 
 LOOPS = """## A control loop beside an update
